@@ -1,0 +1,1 @@
+"""Classic controllers that learned policies must beat; nothing lives here yet."""

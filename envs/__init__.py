@@ -1,0 +1,1 @@
+"""The Gymnasium environment around the plant; nothing lives here yet."""

@@ -1,0 +1,21 @@
+"""Observers that estimate the advance velocity from shaft measurements, one file each."""
+
+from .catalogue import (
+    Observer,
+    ObserverError,
+    follow,
+    get_observer,
+    observer_names,
+    readings_of,
+    update,
+)
+
+__all__ = [
+    "Observer",
+    "ObserverError",
+    "follow",
+    "get_observer",
+    "observer_names",
+    "readings_of",
+    "update",
+]

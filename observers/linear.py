@@ -1,0 +1,92 @@
+"""The discrete linear observer that Luenberger's and the shaft Kalman filter have in common.
+
+Both estimate shaft speed and propeller torque from x' = (A - K C) x + [K, B] (omega, M_m) with
+A = [[0, -1/I_R], [0, 0]], B = [1/I_R, 0], C = [1, 0] (thesis eqs. 3-3 to 3-5); only K differs.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from ..plant.compiled import Record, compiled
+from ..plant.ship import Ship
+from .base import Measurement, blank_observer, velocity_from_torque
+
+
+def shaft_model(inertia: float) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """A, B, C of thesis eq. 3-3 for the propeller-side inertia I_R [kg m2]."""
+    a = np.array([[0.0, -1.0 / inertia], [0.0, 0.0]])
+    return a, np.array([[1.0 / inertia], [0.0]]), np.array([[1.0, 0.0]])
+
+
+def first_order_hold(
+    a: NDArray[Any], b: NDArray[Any], dt: float
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Exact discretisation of x' = A x + B u for an input that is linear between samples.
+
+    Args:
+        a: shape (n, n).
+        b: shape (n, m).
+        dt: sample time [s].
+
+    Returns:
+        ``transition``, ``before``, ``now`` with x+ = transition x + before u(t) + now u(t + dt)
+        (Franklin, Powell & Workman 1998, section 6.3.2: triangle hold), by one matrix exponential.
+    """
+    n, m = b.shape
+    block = np.zeros((n + 2 * m, n + 2 * m))
+    block[:n, :n] = a * dt
+    block[:n, n : n + m] = b * dt
+    block[n : n + m, n + m :] = np.eye(m)
+    exponential = expm(block)
+    held = exponential[:n, n : n + m]
+    ramp = exponential[:n, n + m :]
+    return exponential[:n, :n], held - ramp, ramp
+
+
+def linear_observer(kind: int, gain: NDArray[Any], ship: Ship, dt: float) -> Any:
+    """OBSERVER record of a linear shaft observer with gain K = (k1, k2)."""
+    plant = ship.record()
+    a, b, c = shaft_model(float(plant["inertia_propeller_side"]))
+    gain = np.asarray(gain, dtype=float).reshape(2, 1)
+    record = blank_observer(kind, plant, dt)
+    record["transition"], record["before"], record["now"] = first_order_hold(
+        a - gain @ c, np.hstack([gain, b]), dt
+    )
+    return record
+
+
+@compiled
+def update_linear(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
+    """One sample: estimates omega and M_p, then v_a by the inverse torque curve."""
+    if estimate.started == 0:
+        # at rest in the first measurement: M_p = M_m
+        estimate.x[0] = m.shaft_speed
+        estimate.x[1] = m.shaft_torque
+    else:
+        f, before, now = observer.transition, observer.before, observer.now
+        x0, x1 = estimate.x[0], estimate.x[1]
+        w0, w1 = estimate.shaft_speed, estimate.shaft_torque
+        estimate.x[0] = (
+            f[0, 0] * x0
+            + f[0, 1] * x1
+            + before[0, 0] * w0
+            + before[0, 1] * w1
+            + now[0, 0] * m.shaft_speed
+            + now[0, 1] * m.shaft_torque
+        )
+        estimate.x[1] = (
+            f[1, 0] * x0
+            + f[1, 1] * x1
+            + before[1, 0] * w0
+            + before[1, 1] * w1
+            + now[1, 0] * m.shaft_speed
+            + now[1, 1] * m.shaft_torque
+        )
+    return velocity_from_torque(
+        observer.ship, estimate.x[1], estimate.x[0], m.pitch_ratio, estimate.advance_velocity
+    )

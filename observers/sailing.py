@@ -1,0 +1,72 @@
+"""A batch of ships, each with its observer, through its own sea in one compiled call."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..plant.compiled import compiled
+from ..plant.simulation import step
+from ..plant.waves import SYNC_STEPS, synchronise
+from .base import Measurement
+from .catalogue import update
+
+
+@compiled
+def sail(
+    plants: Any,
+    states: Any,
+    memories: Any,
+    seas: Any,
+    observers: Any,
+    estimates: Any,
+    drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64],
+    first_step: int,
+    steps: int,
+    dt: float,
+) -> None:
+    """Carry a batch over some steps with held commands; every observer takes every step's sample.
+
+    Args:
+        plants: PLANT array of shape (n,).
+        states: STATE array of shape (n,), changed in place like the next four.
+        memories: MEMORY array of shape (n,), settled by ``prepare``.
+        seas: SEA array of shape (n,).
+        observers: OBSERVER array of shape (n,).
+        estimates: ESTIMATE array of shape (n,).
+        drive: demand on each prime mover [mm | V | N m], shape (n,).
+        pitch_command: commanded P/D [-], shape (n,).
+        first_step: steps since time 0, a multiple of ``SYNC_STEPS`` where there is a sea.
+        steps: how many to take.
+        dt: [s].
+    """
+    for i in range(len(plants)):
+        for k in range(steps):
+            state = states[i]
+            if seas[i].present != 0 and k % SYNC_STEPS == 0:
+                synchronise(
+                    seas[i], (first_step + k) * dt, state.position, state.ship_speed, 0.5 * dt
+                )
+            shaft_speed = state.shaft_speed
+            outputs = step(
+                plants[i],
+                state,
+                memories[i],
+                seas[i],
+                drive[i],
+                pitch_command[i],
+                (0.0, 0.0, 0.0),
+                (1.0, 1.0, 1.0),
+                dt,
+            )
+            reading = Measurement(
+                shaft_speed,
+                memories[i].shaft_torque,
+                memories[i].pitch_ratio,
+                outputs.shaft_acceleration,
+                outputs.advance_velocity,
+            )
+            update(observers[i], estimates[i], reading)

@@ -1,0 +1,107 @@
+"""Four-quadrant open-water loads from the B-series Fourier table.
+
+CT*(beta) and CQ*(beta), beta = atan2(J, 0.7 pi), as 31-term Fourier series
+(Roddy, Hess & Faller, NSWCCD-50-TR-2006/004). The table holds no five-bladed propeller of variable
+pitch; a controllable-pitch propeller takes the B4-70 family at P/D 0.5 to 1.4, each member scaled so
+that KT and KQ at bollard pull are those of the ship's own B-series propeller.
+"""
+
+from __future__ import annotations
+
+import math
+from importlib import resources
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .compiled import Real, compiled
+
+HARMONICS = 31
+PITCH_NODES = (0.5, 0.6, 0.8, 1.0, 1.2, 1.4)
+_FAMILY_BLADES, _FAMILY_AREA = 4, 0.7
+
+
+def b4_70_family() -> NDArray[np.float64]:
+    """Fourier coefficients of B4-70.
+
+    Returns:
+        Array of shape (6, 31, 4): P/D node, harmonic, (CT cos, CT sin, CQ cos, CQ sin), all [-].
+        The table's factors (CT x 100, CQ x 1000 with a minus sign) are removed.
+    """
+    with resources.files("shaftline.plant").joinpath("data/four_quadrant_b_series.csv").open() as f:
+        table = pd.read_csv(f)
+    family = table[
+        (table["blades"] == _FAMILY_BLADES) & (table["expanded_area_ratio"] == _FAMILY_AREA)
+    ]
+    columns = ["ct_cos_x100", "ct_sin_x100", "cq_cos_x1000", "cq_sin_x1000"]
+    factors = np.array([1e-2, 1e-2, -1e-3, -1e-3])
+    nodes = [
+        family[family["pitch_ratio"] == pitch].sort_values("k")[columns].to_numpy() * factors
+        for pitch in PITCH_NODES
+    ]
+    return np.stack(nodes)
+
+
+def scaled_to_bollard(
+    kt_bollard: NDArray[np.float64], kq_bollard: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """B4-70 family scaled to given bollard KT and KQ [-] at the six pitch nodes; shape (6, 31, 4)."""
+    table = b4_70_family()
+    pitch = np.array(PITCH_NODES)
+    for i, p in enumerate(PITCH_NODES):
+        kt, kq = four_quadrant_coefficients(table, pitch, 0.0, 1.0, p)
+        table[i, :, :2] *= kt_bollard[i] / kt
+        table[i, :, 2:] *= kq_bollard[i] / kq
+    return table
+
+
+@compiled
+def four_quadrant_coefficients(
+    table: NDArray[np.float64],
+    nodes: NDArray[np.float64],
+    velocity_per_diameter: Real,
+    revolutions: Real,
+    pitch_ratio: Real,
+) -> tuple[Real, Real]:
+    """KT n^2 and KQ n^2 [1/s2] in any quadrant.
+
+    Args:
+        table: Fourier coefficients, shape (nodes, 31, 4).
+        nodes: pitch ratios of the table's members, rising.
+        velocity_per_diameter: v_a / D [1/s].
+        revolutions: n [1/s], either sign.
+        pitch_ratio: P/D [-]; linear between nodes, held at the outer ones.
+
+    KT n^2 = CT* (pi/8) ((v_a/D)^2 + (0.7 pi n)^2). The harmonics follow from cos(beta) and
+    sin(beta) by rotation, so no angle is ever formed and a complex step passes through.
+    """
+    tangential = 0.7 * math.pi * revolutions
+    square = velocity_per_diameter * velocity_per_diameter + tangential * tangential
+    resultant = np.sqrt(square + 1e-300)  # not 0 at standstill
+    cos1 = tangential / resultant
+    sin1 = velocity_per_diameter / resultant
+
+    i = 0
+    while i < len(nodes) - 2 and pitch_ratio.real > nodes[i + 1]:
+        i += 1
+    weight = (pitch_ratio - nodes[i]) / (nodes[i + 1] - nodes[i])
+    if weight.real < 0.0:
+        weight = 0.0
+    if weight.real > 1.0:
+        weight = 1.0
+
+    cosk = 1.0
+    sink = 0.0
+    ct = 0.0
+    cq = 0.0
+    for k in range(HARMONICS):
+        low = table[i, k]
+        high = table[i + 1, k]
+        ct = ct + (low[0] + weight * (high[0] - low[0])) * cosk
+        ct = ct + (low[1] + weight * (high[1] - low[1])) * sink
+        cq = cq + (low[2] + weight * (high[2] - low[2])) * cosk
+        cq = cq + (low[3] + weight * (high[3] - low[3])) * sink
+        cosk, sink = cosk * cos1 - sink * sin1, sink * cos1 + cosk * sin1
+    scale = math.pi / 8.0 * square
+    return ct * scale, cq * scale

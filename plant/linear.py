@@ -1,0 +1,91 @@
+"""Linear models of the plant by exact derivatives, as python-control systems."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+
+from .dynamics import Inputs, Outputs, State, evaluate
+from .steady_state import Equilibrium
+from .ship import Ship
+
+INPUTS = {
+    "pitch_command": "pitch_command",
+    "drive": "drive",
+    "resistance_factor": "resistance_factor",
+    "inflow": "inflow",
+}
+"""Inputs of the linear model, in order: P/D command, rack (or voltage), d_c1, u_x."""
+
+_STEP = 1e-30  # of the complex step: no subtraction, hence no cancellation
+
+
+def active_states(ship: Ship) -> list[str]:
+    """Names of the states that this ship's plant has, position apart (nothing depends on it)."""
+    plant = ship.record()
+    has = {
+        "pitch_ratio": plant["pitch_ratio_min"] < plant["pitch_ratio_max"],
+        "shaft_speed": True,
+        "ship_speed": plant["hull_fixed"] == 0,
+        "brake_torque": plant["engine_lag"] > 0.0,
+        "inflow": plant["inflow_lag"] > 0.0,
+        "ventilation": plant["ventilation_thrust_loss"] + plant["ventilation_torque_loss"] > 0.0,
+        "motor_current": plant["armature_inductance"] > 0.0,
+    }
+    return [name for name, present in has.items() if present]
+
+
+def linearise(
+    ship: Ship,
+    point: Equilibrium,
+    outputs: tuple[str, ...] = ("pitch_ratio", "shaft_speed", "ship_speed", "shaft_torque"),
+) -> control.StateSpace:
+    """Linear model x' = A x + B u, y = C x + D u of the plant about a working point.
+
+    Args:
+        ship: the ship.
+        point: working point, from :func:`shaftline.plant.equilibrium`.
+        outputs: names of states or of algebraic outputs.
+
+    Returns:
+        State-space system with named states, the four inputs of :data:`INPUTS` and the outputs.
+        Dead time and the rack's rate limit lie outside the differential equations and are left out.
+
+    The derivatives are those of the simulated equations themselves, exact to rounding, by complex
+    steps (Squire & Trapp 1998); they equal the thesis's eqs. 2-22 to 2-38 on the frigate.
+
+    Raises:
+        ValueError: an output that does not exist.
+    """
+    known = {*State._fields, *Outputs._fields}
+    for name in outputs:
+        if name not in known:
+            raise ValueError(f"unknown output {name!r}; known: {', '.join(sorted(known))}")
+    plant = ship.record()
+    states = active_states(ship)
+    state = State(*(complex(value) for value in point.state))
+    inputs = Inputs(*(complex(value) for value in point.inputs))
+    # the field's slope and its position are not differentiated and stay real in the kernels
+    inputs = inputs._replace(inflow_slope=0j, inflow_position=0j)
+    blade = float(np.real(point.outputs.pitch_ratio))
+
+    def derivatives(shifted: State, acting: Inputs) -> tuple[list[float], list[float]]:
+        rate, out = evaluate(plant, shifted, acting, blade, False)
+        values = {**shifted._asdict(), **out._asdict()}
+        return (
+            [getattr(rate, name).imag / _STEP for name in states],
+            [complex(values[name]).imag / _STEP for name in outputs],
+        )
+
+    columns_x = [
+        derivatives(state._replace(**{n: getattr(state, n) + 1j * _STEP}), inputs) for n in states
+    ]
+    columns_u = [
+        derivatives(state, inputs._replace(**{n: getattr(inputs, n) + 1j * _STEP}))
+        for n in INPUTS.values()
+    ]
+    a, c = (np.array([column[i] for column in columns_x]).T for i in (0, 1))
+    b, d = (np.array([column[i] for column in columns_u]).T for i in (0, 1))
+    return control.ss(
+        a, b, c, d, states=states, inputs=list(INPUTS), outputs=list(outputs), name=ship.name
+    )

@@ -1,0 +1,67 @@
+"""The registry of signals: one entry gives the name, symbol, unit, bounds and source of a quantity.
+
+Column names of recordings, the dtype of simulated samples and the table in the documentation all come
+from here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Signal(NamedTuple):
+    """One quantity of the plant."""
+
+    name: str
+    symbol: str
+    unit: str
+    low: float
+    high: float
+    source: str  # demand, sensor or truth
+    column: str  # in recordings
+    description: str
+
+
+SIGNALS = (
+    Signal("time", "t", "s", 0, math.inf, "clock", "time_s", "time"),
+    Signal("drive", "X", "mm", 0, 200, "demand", "fuel_rack_mm",
+           "demand on the prime mover: fuel rack, or voltage [V], or torque [N m]"),
+    Signal("pitch_command", "P/D_d", "-", -1.6, 1.6, "demand", "pitch_ratio_command",
+           "commanded pitch ratio"),
+    Signal("pitch_ratio", "P/D", "-", -2.1, 2.1, "truth", "true_pitch_ratio", "blade pitch ratio"),
+    Signal("shaft_speed", "omega", "rad/s", -1e3, 1e3, "sensor", "shaft_speed_rad_s",
+           "speed of the propeller shaft"),
+    Signal("shaft_torque", "M_m", "N m", -1e8, 1e8, "truth", "true_shaft_torque_N_m",
+           "torque at the gauge between I_L and I_R"),
+    Signal("ship_speed", "v_s", "m/s", -40, 40, "truth", "true_ship_speed_m_s",
+           "speed over ground"),
+    Signal("measured_pitch_ratio", "P/D", "-", -2.6, 2.6, "sensor", "pitch_ratio",
+           "reading of the pitch sensor"),
+    Signal("measured_shaft_torque", "M_m", "N m", -1e8, 1e8, "sensor", "shaft_torque_N_m",
+           "reading of the torque gauge"),
+    Signal("measured_ship_speed", "v_s", "m/s", -40, 40, "sensor", "ship_speed_m_s",
+           "reading of the speed log"),
+    Signal("shaft_acceleration", "omega'", "rad/s2", -1e5, 1e5, "truth",
+           "shaft_acceleration_rad_s2", "acceleration of the propeller shaft"),
+    Signal("advance_velocity", "v_a", "m/s", -40, 40, "truth", "advance_velocity_m_s",
+           "axial speed of the water through the propeller disc"),
+    Signal("thrust", "T", "N", -1e8, 1e8, "truth", "thrust_N", "thrust of one propeller"),
+    Signal("propeller_torque", "M_p", "N m", -1e8, 1e8, "truth", "propeller_torque_N_m",
+           "torque of the propeller"),
+    Signal("brake_torque", "M_b", "N m", -1e8, 1e8, "truth", "brake_torque_N_m",
+           "torque of the prime mover"),
+    Signal("resistance", "R", "N", -1e9, 1e9, "truth", "resistance_N", "resistance of the hull"),
+    Signal("motor_current", "i_a", "A", -1e5, 1e5, "sensor", "motor_current_A",
+           "armature current"),
+    Signal("submergence", "h", "m", -30, 60, "truth", "propeller_submergence_m",
+           "depth of the propeller's centre below the surface"),
+    Signal("ventilation", "alpha", "-", 0, 1, "truth", "ventilation", "degree of ventilation"),
+    Signal("position", "x", "m", -math.inf, math.inf, "truth", "position_m",
+           "distance along the track"),
+)  # fmt: skip
+
+SAMPLE: np.dtype[Any] = np.dtype([(signal.name, np.float64) for signal in SIGNALS])
+"""Structured dtype of one simulated sample."""

@@ -1,0 +1,339 @@
+"""Time stepping: one ship with its whole history, or a batch of ships in one call.
+
+Both go through ``step``, the plant's only step in time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import Record, compiled
+from .dynamics import (
+    MEMORY,
+    STATE,
+    Inputs,
+    Outputs,
+    State,
+    begin_step,
+    end_step,
+    evaluate,
+    get_state,
+    read_instruments,
+    runge_kutta,
+    set_state,
+    settle,
+)
+from .ship import Ship
+from .signals import SAMPLE
+from .waves import SYNC_STEPS, WaveMotion, calm, motion, synchronise, turn
+
+
+@compiled
+def _inputs(
+    drive: float, pitch_command: float, inflow: float, resistance_factor: float, wave: WaveMotion
+) -> Inputs:
+    return Inputs(
+        drive,
+        pitch_command,
+        inflow + wave.inflow,
+        wave.inflow_slope,
+        wave.position,
+        wave.elevation,
+        resistance_factor,
+    )
+
+
+@compiled
+def step(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: float,
+    pitch_command: float,
+    inflow: tuple[float, float, float],
+    resistance_factor: tuple[float, float, float],
+    dt: float,
+) -> Outputs:
+    """Carry one ship over one time step; state, memory and sea are changed in place.
+
+    Args:
+        plant: PLANT record.
+        state: STATE record.
+        memory: MEMORY record.
+        sea: SEA record, synchronised at most ``SYNC_STEPS`` steps ago.
+        drive: demand on the prime mover [mm | V | N m], held over the step.
+        pitch_command: commanded P/D [-], held over the step.
+        inflow: disturbance u_x [m/s] at the step's start, middle and end, besides the sea's.
+        resistance_factor: d_c1 [-] likewise.
+        dt: [s].
+
+    Returns:
+        The outputs at the step's start, with the new commands acting; the memory holds the
+        instruments' readings of that instant.
+    """
+    now = get_state(state)
+    delivered = begin_step(plant, memory, drive, dt)
+    wave = motion(sea, now.position)
+    start = _inputs(delivered, pitch_command, inflow[0], resistance_factor[0], wave)
+    if sea.present != 0:
+        turn(sea, 0.5 * dt)
+        wave = motion(sea, now.position)
+    middle = _inputs(delivered, pitch_command, inflow[1], resistance_factor[1], wave)
+    if sea.present != 0:
+        turn(sea, 0.5 * dt)
+        wave = motion(sea, now.position)
+    end = _inputs(delivered, pitch_command, inflow[2], resistance_factor[2], wave)
+    blade = memory.blade_pitch
+    ventilated = memory.ventilated != 0
+    rate, outputs = evaluate(plant, now, start, blade, ventilated)
+    read_instruments(plant, memory, outputs, dt)
+    following = runge_kutta(plant, now, rate, middle, end, blade, ventilated, dt)
+    set_state(state, following)
+    end_step(plant, memory, following.ship_speed, dt)
+    return outputs
+
+
+@compiled
+def observe(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    pitch_command: float,
+    inflow: float,
+    resistance_factor: float,
+    dt: float,
+) -> Outputs:
+    """Outputs at the present instant under the last drive input; the instruments read them."""
+    now = get_state(state)
+    wave = motion(sea, now.position)
+    inputs = _inputs(memory.rack, pitch_command, inflow, resistance_factor, wave)
+    _, outputs = evaluate(plant, now, inputs, memory.blade_pitch, memory.ventilated != 0)
+    read_instruments(plant, memory, outputs, dt)
+    return outputs
+
+
+@compiled
+def prepare(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: float,
+    inflow: float,
+    resistance_factor: float,
+    dt: float,
+) -> None:
+    """Start at time 0: the sea synchronised, the memories settled on the initial state."""
+    now = get_state(state)
+    if sea.present != 0:
+        synchronise(sea, 0.0, now.position, now.ship_speed, 0.5 * dt)
+    wave = motion(sea, now.position)
+    inputs = _inputs(drive, now.pitch_ratio, inflow, resistance_factor, wave)
+    _, outputs = evaluate(plant, now, inputs, now.pitch_ratio, False)
+    settle(plant, memory, now, outputs, drive, dt)
+
+
+@compiled
+def _write(
+    sample: Record,
+    time: float,
+    drive: float,
+    pitch_command: float,
+    state: State,
+    memory: Record,
+    speed_log: float,
+    outputs: Outputs,
+) -> None:
+    sample.time = time
+    sample.drive = drive
+    sample.pitch_command = pitch_command
+    sample.pitch_ratio = outputs.pitch_ratio
+    sample.shaft_speed = state.shaft_speed
+    sample.shaft_torque = outputs.shaft_torque
+    sample.ship_speed = state.ship_speed
+    sample.measured_pitch_ratio = memory.pitch_ratio
+    sample.measured_shaft_torque = memory.shaft_torque
+    sample.measured_ship_speed = speed_log
+    sample.shaft_acceleration = outputs.shaft_acceleration
+    sample.advance_velocity = outputs.advance_velocity
+    sample.thrust = outputs.thrust
+    sample.propeller_torque = outputs.propeller_torque
+    sample.brake_torque = outputs.brake_torque
+    sample.resistance = outputs.resistance
+    sample.motor_current = outputs.motor_current
+    sample.submergence = outputs.submergence
+    sample.ventilation = state.ventilation
+    sample.position = state.position
+
+
+@compiled
+def _trajectory(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64],
+    inflow: NDArray[np.float64],
+    resistance_factor: NDArray[np.float64],
+    dt: float,
+    samples: Any,
+) -> None:
+    prepare(plant, state, memory, sea, drive[0], inflow[0], resistance_factor[0], dt)
+    steps = len(drive)
+    for k in range(steps):
+        if sea.present != 0 and k % SYNC_STEPS == 0:
+            synchronise(sea, k * dt, state.position, state.ship_speed, 0.5 * dt)
+        now = get_state(state)
+        log = memory.speed_log
+        outputs = step(
+            plant,
+            state,
+            memory,
+            sea,
+            drive[k],
+            pitch_command[k],
+            (inflow[2 * k], inflow[2 * k + 1], inflow[2 * k + 2]),
+            (resistance_factor[2 * k], resistance_factor[2 * k + 1], resistance_factor[2 * k + 2]),
+            dt,
+        )
+        _write(samples[k], k * dt, drive[k], pitch_command[k], now, memory, log, outputs)
+    last = steps - 1
+    outputs = observe(
+        plant, state, memory, sea, pitch_command[last], inflow[-1], resistance_factor[-1], dt
+    )
+    _write(
+        samples[steps],
+        steps * dt,
+        drive[last],
+        pitch_command[last],
+        get_state(state),
+        memory,
+        memory.speed_log,
+        outputs,
+    )
+
+
+@compiled
+def advance(
+    plants: Any,
+    states: Any,
+    memories: Any,
+    seas: Any,
+    drive: NDArray[np.float64],
+    pitch_command: NDArray[np.float64],
+    first_step: int,
+    steps: int,
+    dt: float,
+) -> None:
+    """Carry a batch of ships over some steps with held commands; everything changes in place.
+
+    Args:
+        plants: PLANT array of shape (n,).
+        states: STATE array of shape (n,).
+        memories: MEMORY array of shape (n,), settled by ``prepare``.
+        seas: SEA array of shape (n,).
+        drive: demand on each prime mover [mm | V | N m], shape (n,).
+        pitch_command: commanded P/D [-], shape (n,).
+        first_step: steps since time 0, a multiple of ``SYNC_STEPS`` where there is a sea.
+        steps: how many to take.
+        dt: [s].
+    """
+    for i in range(len(plants)):
+        for k in range(steps):
+            if seas[i].present != 0 and k % SYNC_STEPS == 0:
+                synchronise(
+                    seas[i],
+                    (first_step + k) * dt,
+                    states[i].position,
+                    states[i].ship_speed,
+                    0.5 * dt,
+                )
+            step(
+                plants[i],
+                states[i],
+                memories[i],
+                seas[i],
+                drive[i],
+                pitch_command[i],
+                (0.0, 0.0, 0.0),
+                (1.0, 1.0, 1.0),
+                dt,
+            )
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What is done to a ship over time, as functions of time or constants.
+
+    ``drive`` is the fuel rack [mm], voltage [V] or torque [N m]; ``inflow`` is u_x [m/s] and
+    ``resistance_factor`` d_c1 [-]. Commands are held over each step; disturbances are continuous.
+    """
+
+    drive: Any
+    pitch_command: Any
+    inflow: Any = 0.0
+    resistance_factor: Any = 1.0
+
+
+def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    array = np.asarray(value(times) if callable(value) else value, dtype=np.float64)
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} holds a value that is not finite")
+    return np.ascontiguousarray(np.broadcast_to(array, times.shape))
+
+
+def simulate(
+    ship: Ship,
+    schedule: Schedule,
+    duration_s: float,
+    *,
+    initial: State,
+    sea: Any = None,
+    dt: float | None = None,
+) -> NDArray[Any]:
+    """Simulate one ship and keep every sample.
+
+    Args:
+        ship: the ship.
+        schedule: commands and disturbances.
+        duration_s: length [s].
+        initial: initial state, for example from :func:`shaftline.plant.equilibrium`.
+        sea: SEA record from :func:`shaftline.plant.waves.realise`, or None for calm water.
+        dt: time step [s]; the ship's own by default.
+
+    Returns:
+        SAMPLE array of shape (steps + 1,): one sample at every step's start,
+        with that step's commands acting, and one at the end.
+
+    Raises:
+        ValueError: an input is not finite.
+    """
+    dt = ship.time_step_s if dt is None else dt
+    steps = max(1, math.ceil(duration_s / dt - 1e-9))
+    grid = np.arange(steps) * dt
+    half_grid = np.arange(2 * steps + 1) * (0.5 * dt)
+    state = np.zeros(1, STATE)
+    state[0] = tuple(float(value) for value in initial)
+    samples = np.zeros(steps + 1, SAMPLE)
+    _trajectory(
+        ship.record(),
+        state[0],
+        np.zeros(1, MEMORY)[0],
+        calm() if sea is None else sea.copy(),
+        _sampled(schedule.drive, grid, "drive"),
+        _sampled(schedule.pitch_command, grid, "pitch_command"),
+        _sampled(schedule.inflow, half_grid, "inflow"),
+        _sampled(schedule.resistance_factor, half_grid, "resistance_factor"),
+        dt,
+        samples,
+    )
+    return samples
+

@@ -1,0 +1,105 @@
+"""Steady states of the plant."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import root
+
+from .dynamics import Inputs, Outputs, State, evaluate
+from .ship import Ship
+
+
+class Equilibrium(NamedTuple):
+    """A steady state: the state, the outputs there, and the inputs that hold it."""
+
+    state: State
+    outputs: Outputs
+    inputs: Inputs
+
+
+def steady_inputs(
+    drive: float, pitch_command: float, inflow: float = 0.0, resistance_factor: float = 1.0
+) -> Inputs:
+    """Inputs without waves."""
+    return Inputs(drive, pitch_command, inflow, 0.0, 0.0, 0.0, resistance_factor)
+
+
+def equilibrium(
+    ship: Ship,
+    drive: float,
+    pitch_ratio: float,
+    *,
+    inflow: float = 0.0,
+    resistance_factor: float = 1.0,
+) -> Equilibrium:
+    """Steady state at given commands.
+
+    Args:
+        ship: the ship.
+        drive: fuel rack [mm], voltage [V] or torque [N m].
+        pitch_ratio: commanded P/D [-].
+        inflow: steady advance-velocity disturbance u_x [m/s].
+        resistance_factor: d_c1 [-].
+
+    Raises:
+        ValueError: no steady state with a forward-turning shaft exists, for example because the
+            engine's torque does not overcome its friction.
+    """
+    plant = ship.record()
+    inputs = steady_inputs(drive, pitch_ratio, inflow, resistance_factor)
+    moving = not ship.hull.fixed
+    blade = float(np.clip(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]))
+    blade += float(plant["pitch_actuator_offset"])
+
+    def complete(shaft_speed: float, ship_speed: float) -> State:
+        """State in which everything but shaft and hull is at rest."""
+        bare = State(blade, shaft_speed, ship_speed, 0.0, 0.0, 0.0, 0.0, 0.0)
+        rate, _ = evaluate(plant, bare, inputs, blade, False)
+        return bare._replace(
+            brake_torque=float(plant["engine_lag"]) * rate.brake_torque,
+            inflow=float(plant["inflow_lag"]) * rate.inflow,
+            motor_current=_steady_current(plant, rate.motor_current),
+        )
+
+    def residual(unknown: Any) -> list[float]:
+        shaft_speed = float(unknown[0])
+        ship_speed = float(unknown[1]) if moving else 0.0
+        rate, outputs = evaluate(plant, complete(shaft_speed, ship_speed), inputs, blade, False)
+        scale = max(abs(outputs.shaft_torque), 1e-9)
+        shaft = rate.shaft_speed * float(plant["inertia_engine_side"]) / scale
+        if not moving:
+            return [shaft]
+        return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
+
+    for start in _starts(ship, drive):
+        found = root(residual, start if moving else start[:1], method="hybr", tol=1e-13)
+        if np.max(np.abs(residual(found.x))) < 1e-9 and found.x[0] > 1e-3:
+            state = complete(float(found.x[0]), float(found.x[1]) if moving else 0.0)
+            _, outputs = evaluate(plant, state, inputs, blade, False)
+            return Equilibrium(state, outputs, inputs)
+    raise ValueError(
+        f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} and pitch "
+        f"ratio {pitch_ratio:g}"
+    )
+
+
+def _steady_current(plant: Any, rate_at_zero_current: float) -> float:
+    """Current [A] at which di/dt vanishes: L di/dt at i = 0 is R times it."""
+    if plant["armature_inductance"] <= 0.0:
+        return 0.0
+    return float(
+        plant["armature_inductance"] * rate_at_zero_current / plant["armature_resistance"]
+    )
+
+
+def _starts(ship: Ship, drive: float) -> list[list[float]]:
+    plant = ship.record()
+    if plant["engine_speed_max"] > 0.0:
+        top = float(plant["engine_speed_max"] / plant["gear_ratio"])
+    elif plant["motor_constant"] > 0.0:
+        top = abs(drive) / float(plant["motor_constant"] * plant["gear_ratio"])
+    else:
+        top = 20.0
+    return [[top * share, top * share * 0.8] for share in (0.7, 0.4, 1.0, 0.2, 0.1)]
