@@ -1,0 +1,39 @@
+"""The ``shaftline`` command: one sub-command per job."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from . import list_command, reproduce_command, simulate_command, tour_command
+
+app = typer.Typer(
+    name="shaftline",
+    help="A workbench for ship propulsion control.\n\n"
+    "Start with `shaftline tour`. Every command explains itself with --help.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+app.command("tour")(tour_command.tour)
+app.command("simulate")(simulate_command.simulate)
+app.command("reproduce")(reproduce_command.reproduce)
+app.command("list")(list_command.list_names)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        from importlib.metadata import version as installed
+
+        typer.echo(installed("shaftline"))
+        raise typer.Exit
+
+
+def main() -> None:
+    """Entry point of the installed command."""
+    app()

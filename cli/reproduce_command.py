@@ -1,0 +1,57 @@
+"""``shaftline reproduce``."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..plant.files import write_json
+from ..studies import reproduce as study
+from .console import clear_errors, console, print_table, progress
+
+
+class Table(str, Enum):
+    """Tables that can be reproduced."""
+
+    WORKING_POINTS = "working-points"
+    POLES = "poles"
+    VAF = "vaf"
+    SNR = "snr"
+    SENSITIVITY = "sensitivity"
+    ALL = "all"
+
+
+def reproduce(
+    table: Annotated[Table, typer.Argument(help="Which table.")] = Table.ALL,
+    out: Annotated[
+        Path, typer.Option(help="Folder for CSV, Markdown and figures.")
+    ] = Path("out/reproduce"),
+    json: Annotated[
+        Path | None, typer.Option(help="File for our numbers by table, row and column.")
+    ] = None,
+) -> None:
+    """Reproduce the thesis's tables, ours beside the printed numbers.
+
+    Van der Kroft, "Development and Analysis of Advance Velocity Observers for Marine Propulsion
+    Systems", TU Delft 2020. `working-points`: Table 2-1; `poles`: 2-2 to 2-14; `vaf`: 4-1; `snr`:
+    4-2; `sensitivity`: 5-1. Where a number differs, a sentence says why.
+    """
+    names = list(study.TABLES) if table is Table.ALL else [table.value]
+    with clear_errors():
+        numbers = {}
+        for name in names:
+            make, ticks = study.TABLES[name]
+            with progress(name, ticks) as tick:
+                result = make(out, tick)
+            digits = 4 if name == "poles" else 2
+            print_table(result.shown, f"{result.title}: ours (thesis)", digits)
+            console.print("Where they differ, and why:\n" + result.reasons + "\n",
+                          highlight=False, markup=False)  # fmt: skip
+            numbers[name] = result.numbers
+        if json is not None:
+            write_json(json, numbers)
+            console.print(f"numbers: {json}", highlight=False, soft_wrap=True)
+        console.print(f"CSV, Markdown and figures: {out}", highlight=False, soft_wrap=True)

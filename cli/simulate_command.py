@@ -1,0 +1,66 @@
+"""``shaftline simulate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from ..plant import load_ship
+from ..plant.files import write_atomically
+from ..plant.recording import input_columns, read_recording, simulate_recording
+from ..plant.signals import SIGNALS
+from ..studies import figures
+from ..studies.load_cases import CASES, get_case
+from .console import clear_errors, console
+
+
+def simulate(
+    ship: Annotated[
+        str, typer.Option(help="Ship: a preset (see `shaftline list`) or a .toml file.")
+    ] = "frigate",
+    inputs: Annotated[
+        Path | None, typer.Option(help="Recording (CSV) whose demands drive the ship open loop.")
+    ] = None,
+    case: Annotated[
+        str | None, typer.Option(help=f"Load case instead of a recording: {', '.join(CASES)}.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="CSV file for the simulated signals.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="Picture of the run (.png).")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the sea, where the case has one.")] = 0,
+) -> None:
+    """Simulate a ship open loop, driven by a recording or by a load case.
+
+    A recording has the columns `time_s`, `fuel_rack_mm` (`motor_voltage_V` for a DC motor) and
+    `pitch_ratio_command`; it is written back with everything else simulated. Where it also holds
+    `pitch_ratio`, `shaft_speed_rad_s` and `ship_speed_m_s`, the simulation starts from their first
+    row, otherwise from the steady state at the first demands.
+
+    Examples:
+
+        shaftline simulate --case jonswap --figure run.png --out run.csv
+
+        shaftline simulate --ship frigate --inputs voyage.csv --out simulated.csv
+    """
+    with clear_errors():
+        if (inputs is None) == (case is None):
+            raise ValueError("give either --inputs RECORDING.csv or --case NAME")
+        if out is None and figure is None:
+            raise ValueError("nothing to write: give --out FILE.csv, --figure FILE.png or both")
+        vessel = load_ship(ship)
+        if case is not None:
+            samples = get_case(case).run(vessel, seed=seed)
+            table = pd.DataFrame({s.column: samples[s.name] for s in SIGNALS})
+            title = f"{vessel.name}: {get_case(case).description}"
+        else:
+            assert inputs is not None
+            table = simulate_recording(vessel, read_recording(inputs, input_columns(vessel)))
+            title = f"{vessel.name} driven by {inputs.name}"
+        if out is not None:
+            write_atomically(out, lambda f: table.to_csv(f, index=False, float_format="%.10g"))
+            console.print(f"{len(table)} rows written to {out}", highlight=False, soft_wrap=True)
+        if figure is not None:
+            figures.save(figures.columns(table, title), figure)
+            console.print(f"picture: {figure}", highlight=False, soft_wrap=True)

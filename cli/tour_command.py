@@ -1,0 +1,63 @@
+"""``shaftline tour``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..plant.files import write_atomically
+from ..studies import figures
+from ..studies import tour as study
+from ..studies.vaf import ROWS
+from .console import clear_errors, console, print_table, progress
+
+
+def tour(
+    out: Annotated[Path, typer.Option(help="Folder for pictures and tables.")] = Path("out/tour"),
+    seed: Annotated[int, typer.Option(min=0, help="Of the sea and of the sensors' noise.")] = 0,
+) -> None:
+    """A first look: a frigate in a seaway, then a real drive train.
+
+    Sails the frigate of van der Kroft's thesis through 300 s of head seas (significant height 2.9 m)
+    and lets every observer estimate the advance velocity, the speed of the water through the
+    propeller, which no ship can measure. Then simulates the model tug Tito Neri at the voltages at
+    which it was measured and says where model and measurement differ most.
+    """
+    with clear_errors():
+        with progress("sailing (the first run compiles the kernels)", len(ROWS)) as tick:
+            sea = study.sail_the_thesis_sea(seed, tick)
+        print_table(sea.table, "1. The frigate in head seas: who sees the water's speed?")
+        console.print(
+            "VAF is the share of the advance velocity's variance that an estimate accounts for; 100 % "
+            "is perfect. The noisy readings are those of good shipboard instruments.\n"
+        )
+        figures.save(sea.figure, out / "seaway.png")
+        write_atomically(out / "seaway.csv", lambda f: sea.table.to_csv(f, index=False))
+
+        train = study.meet_the_drive_train()
+        shown = train.points[
+            ["model", "voltage_V", "motor_speed_rad_s_measured", "motor_speed_rad_s",
+             "speed_error_percent", "motor_current_A_measured", "motor_current_A",
+             "current_error_percent"]
+        ]  # fmt: skip
+        shown = shown.set_axis(
+            ["parameter set", "voltage [V]", "speed measured [rad/s]", "simulated", "error [%]",
+             "current measured [A]", "simulated ", "error [%] "], axis=1,
+        )  # fmt: skip
+        print_table(shown, "2. Real measurements: the drive train of the model tug Tito Neri")
+        for sentence in train.sentences:
+            console.print(f"- {sentence}", highlight=False, soft_wrap=True)
+        figures.save(train.figure, out / "tito-neri.png")
+        for name, frame in (("points", train.points), ("response", train.response)):
+            write_atomically(
+                out / f"tito-neri-{name}.csv",
+                lambda f, frame=frame: frame.to_csv(f, index=False),  # type: ignore[misc]
+            )
+        console.print(
+            f"\nPictures: {out / 'seaway.png'} and {out / 'tito-neri.png'}; the tables lie beside "
+            "them as CSV.",
+            highlight=False,
+            soft_wrap=True,
+        )

@@ -1,0 +1,169 @@
+"""Recordings: reading, checking, and driving a ship open loop with one's inputs."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .dynamics import State
+from .ship import DcMotor, Ship, TorqueSource
+from .signals import SIGNALS
+from .simulation import Schedule, simulate
+from .steady_state import equilibrium
+
+TIME = "time_s"
+_MEASURED = {
+    "pitch_ratio": "measured_pitch_ratio",
+    "shaft_speed_rad_s": "shaft_speed",
+    "shaft_torque_N_m": "measured_shaft_torque",
+    "ship_speed_m_s": "measured_ship_speed",
+}
+_OPTIONAL = {"thrust_N": "thrust", "motor_current_A": "motor_current"}
+_BOUNDS = {
+    **{signal.column: (signal.low, signal.high, signal.unit) for signal in SIGNALS},
+    "motor_voltage_V": (-1e5, 1e5, "V"),
+    "motor_torque_N_m": (-1e8, 1e8, "N m"),
+}
+
+
+class RecordingError(ValueError):
+    """A recording that cannot be used; the message names file, column, row and what is wrong."""
+
+
+def drive_column(ship: Ship) -> str:
+    """Column that holds the demand on the ship's prime mover."""
+    if isinstance(ship.prime_mover, DcMotor):
+        return "motor_voltage_V"
+    return "motor_torque_N_m" if isinstance(ship.prime_mover, TorqueSource) else "fuel_rack_mm"
+
+
+def input_columns(ship: Ship) -> list[str]:
+    """Columns that a recording must have to drive the ship."""
+    fixed_pitch = ship.propeller.pitch_ratio_min == ship.propeller.pitch_ratio_max
+    return [TIME, drive_column(ship)] + ([] if fixed_pitch else ["pitch_ratio_command"])
+
+
+def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
+    """Read and check a recording.
+
+    Args:
+        path: CSV file with a header of canonical columns (name and unit, such as ``fuel_rack_mm``).
+        required: columns that must be there.
+
+    Returns:
+        The table as floats; columns that are not canonical are kept untouched.
+
+    Raises:
+        RecordingError: unreadable, a column missing, a value that is no finite number or outside
+            its signal's bounds, or a time that does not rise evenly. Rows count from 1 below the
+            header.
+    """
+    path = Path(path)
+    try:
+        table = pd.read_csv(path)
+    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise RecordingError(f"{path}: cannot be read as CSV: {error}") from None
+    missing = [column for column in required if column not in table.columns]
+    if missing:
+        raise RecordingError(
+            f"{path}: column {missing[0]!r} is missing; needed: {', '.join(required)}; "
+            f"found: {', '.join(map(str, table.columns))}"
+        )
+    if len(table) < 2:
+        raise RecordingError(f"{path}: {len(table)} row(s); at least 2 are needed")
+    for column in (c for c in table.columns if c in _BOUNDS):
+        table[column] = _checked(path, column, table[column])
+    _check_time(path, table[TIME].to_numpy())
+    return table
+
+
+def _checked(path: Path, column: str, values: pd.Series[Any]) -> pd.Series[Any]:
+    numbers = pd.to_numeric(values, errors="coerce").astype(float)
+    low, high, unit = _BOUNDS[column]
+    bad = ~np.isfinite(numbers.to_numpy())
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise RecordingError(
+            f"{path}: {column}, row {row + 1}: {values.iloc[row]!r} is not a finite number"
+        )
+    outside = (numbers.to_numpy() < low) | (numbers.to_numpy() > high)
+    if outside.any():
+        row = int(np.argmax(outside))
+        raise RecordingError(
+            f"{path}: {column}, row {row + 1}: {numbers.iloc[row]:g} {unit} lies outside "
+            f"{low:g} to {high:g} {unit}"
+        )
+    return numbers
+
+
+def _check_time(path: Path, time: np.ndarray[Any, Any]) -> None:
+    steps = np.diff(time)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0)) + 2
+        raise RecordingError(f"{path}: {TIME}, row {row}: time does not rise")
+    usual = float(np.median(steps))
+    uneven = np.abs(steps - usual) > 0.01 * usual
+    if uneven.any():
+        row = int(np.argmax(uneven)) + 2
+        raise RecordingError(
+            f"{path}: {TIME}, row {row}: a step of {steps[row - 2]:g} s where {usual:g} s is usual; "
+            "resample the recording to an even time base"
+        )
+
+
+def simulate_recording(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
+    """Drive a ship open loop with a recording's inputs.
+
+    The demands are held between rows. The simulation starts from the first row's pitch ratio, shaft
+    speed and ship speed where the recording has all three, else from the steady state at the first
+    row's demands.
+
+    Args:
+        ship: the ship.
+        recording: from :func:`read_recording`.
+
+    Returns:
+        The same time base and canonical columns: the inputs as given, everything else simulated.
+        Thrust and motor current are there where the recording has them.
+
+    Raises:
+        RecordingError: the ship has no steady state at the first row's demands.
+    """
+    time = recording[TIME].to_numpy()
+    period = float(np.median(np.diff(time)))
+    per_row = max(1, math.ceil(period / ship.time_step_s - 1e-9))
+    drive = recording[drive_column(ship)].to_numpy()
+    pitch = (
+        recording["pitch_ratio_command"].to_numpy()
+        if "pitch_ratio_command" in recording
+        else np.full(len(time), ship.propeller.pitch_ratio_max)
+    )
+    rows = len(time) - 1
+    samples = simulate(
+        ship,
+        Schedule(np.repeat(drive[:-1], per_row), np.repeat(pitch[:-1], per_row)),
+        rows * period,
+        initial=_initial_state(ship, recording, float(drive[0]), float(pitch[0])),
+        dt=period / per_row,
+    )[::per_row]
+    columns = {c: recording[c] for c in input_columns(ship)}
+    columns |= {c: samples[name] for c, name in _MEASURED.items()}
+    columns |= {c: samples[name] for c, name in _OPTIONAL.items() if c in recording}
+    return pd.DataFrame(columns)
+
+
+def _initial_state(ship: Ship, recording: pd.DataFrame, drive: float, pitch: float) -> State:
+    measured = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
+    if all(column in recording for column in measured):
+        first = [float(recording[column].iloc[0]) for column in measured]
+        return State(*first, 0.0, 0.0, 0.0, 0.0, 0.0)
+    try:
+        return equilibrium(ship, drive, pitch).state
+    except ValueError as error:
+        raise RecordingError(
+            f"the recording has no {', '.join(measured)} to start from, and {error}"
+        ) from None

@@ -1,0 +1,1 @@
+"""Published tables reproduced side by side, a first tour, and the speed of the plant."""

@@ -1,0 +1,26 @@
+"""How well an estimate follows, and how much noise a signal carries."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def variance_accounted_for(truth: Floats, estimate: Floats) -> float:
+    """VAF [%] = max(0, 1 - var(truth - estimate) / var(truth)) * 100 (thesis eq. 4-1)."""
+    return max(0.0, 1.0 - float(np.var(truth - estimate) / np.var(truth))) * 100.0
+
+
+def with_noise(readings: Floats, snr_db: float, noise: Floats) -> Floats:
+    """Add white noise at a signal-to-noise ratio (thesis eq. 4-2).
+
+    Args:
+        readings: shape (n, 5), the columns of a Measurement; the last, the truth, stays clean.
+        snr_db: 20 log10(rms(signal) / rms(noise)), the same for every column.
+        noise: unit normal, the shape of ``readings``.
+    """
+    rms = np.sqrt(np.mean(readings**2, axis=0)) * 10.0 ** (-snr_db / 20.0)
+    rms[-1] = 0.0
+    return np.asarray(readings + noise * rms)

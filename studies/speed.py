@@ -1,0 +1,144 @@
+"""Plant steps per second on one core, beside yardsticks measured in the same run.
+
+Run ``python -m shaftline.studies.speed``. Machines differ and are noisy: the ratios to the yardsticks
+say more than the numbers.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.integrate import solve_ivp
+
+from ..observers import get_observer
+from ..observers.base import ESTIMATE, OBSERVER
+from ..observers.sailing import sail
+from ..plant import equilibrium, get_sea, load_ship, realise
+from ..plant.dynamics import MEMORY, STATE, State, evaluate
+from ..plant.ship import PLANT
+from ..plant.simulation import advance, prepare
+from ..plant.steady_state import steady_inputs
+from ..plant.waves import SEA, field
+
+BATCH, STEPS, REPEATS = 256, 100, 15
+
+
+def best_rate(work: Callable[[], object], count: int, repeats: int = REPEATS) -> float:
+    """Things per second in the fastest of several repeats (the least disturbed one)."""
+    work()
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return count / min(times)
+
+
+class Fleet:
+    """A batch of frigates at the load cases' working point."""
+
+    def __init__(self, ships: int, sea: str | None, observer: str | None = None) -> None:
+        frigate = load_ship("frigate")
+        self.dt = frigate.time_step_s
+        self.plants = np.full(ships, frigate.record(), PLANT)
+        self.states = np.zeros(ships, STATE)
+        self.states[:] = tuple(equilibrium(frigate, 22.0, 1.4).state)
+        self.memories = np.zeros(ships, MEMORY)
+        self.seas = np.zeros(ships, SEA)
+        waves = get_sea(sea) if sea else None
+        for i in range(ships):
+            if waves:
+                self.seas[i] = realise(waves, frigate.propeller.depth_m, seed=i)
+            prepare(self.plants[i], self.states[i], self.memories[i], self.seas[i],
+                    22.0, 0.0, 1.0, self.dt)  # fmt: skip
+        self.drive, self.pitch = np.full(ships, 22.0), np.full(ships, 1.3)
+        self.observers: Any = None
+        if observer:
+            record = get_observer(observer).discretise(frigate, self.dt)
+            self.observers = np.full(ships, record, OBSERVER)
+            self.estimates = np.zeros(ships, ESTIMATE)
+
+    def run(self, steps: int = STEPS) -> None:
+        """Some steps for all ships."""
+        if self.observers is None:
+            advance(self.plants, self.states, self.memories, self.seas,
+                    self.drive, self.pitch, 0, steps, self.dt)  # fmt: skip
+        else:
+            sail(self.plants, self.states, self.memories, self.seas, self.observers,
+                 self.estimates, self.drive, self.pitch, 0, steps, self.dt)  # fmt: skip
+
+
+def _solve_ivp_rate(sea: str | None) -> float:
+    """Steps of 0.05 s per second that solve_ivp's RK45 makes on the same equations, rtol 1e-6."""
+    frigate = load_ship("frigate")
+    plant, start = frigate.record(), equilibrium(frigate, 22.0, 1.4).state
+    waves = get_sea(sea) if sea else None
+    record = realise(waves, frigate.propeller.depth_m, seed=0) if waves else None
+
+    def rate(t: float, x: Any) -> Any:
+        state = State(*x)
+        inflow = field(record, t, state.position)[0] if record is not None else 0.0
+        return np.array(evaluate(plant, state, steady_inputs(22.0, 1.3, inflow), 1.4, False)[0])
+
+    def work() -> object:
+        return solve_ivp(rate, (0.0, 20.0), np.array(start), rtol=1e-6, max_step=0.05 * 10)
+
+    return best_rate(work, round(20.0 / frigate.time_step_s), repeats=3)
+
+
+def _cart_pole_rate() -> float:
+    """Steps per second of Gymnasium's CartPole-v1 with random actions."""
+    environment = gymnasium.make("CartPole-v1")
+    environment.reset(seed=0)
+    environment.action_space.seed(0)
+
+    def work() -> None:
+        for _ in range(5000):
+            _, _, terminated, truncated, _ = environment.step(environment.action_space.sample())
+            if terminated or truncated:
+                environment.reset()
+
+    return best_rate(work, 5000, repeats=5)
+
+
+def measure() -> list[tuple[str, float]]:
+    """Every measured rate [1/s] with its label, plant first, yardsticks last."""
+    rows = []
+    for label, sea, observer in (
+        ("calm water", None, None),
+        ("waves, 64 components", "thesis", None),
+        ("waves and an I&I observer", "thesis", "immersion-invariance"),
+        ("waves and an extended Kalman filter", "thesis", "random-walk-kalman"),
+    ):
+        for size, kind in ((BATCH, f"batch of {BATCH}"), (1, "one ship, 100 steps a call")):
+            fleet = Fleet(size, sea, observer)
+            rows.append((f"plant, {label}, {kind}", best_rate(fleet.run, size * STEPS)))
+    alone = Fleet(1, None)
+    rows.append(("plant, calm water, one step a call", best_rate(lambda: alone.run(1), 1, 2000)))
+    rows.append(("solve_ivp on the same equations, calm water", _solve_ivp_rate(None)))
+    rows.append(("solve_ivp on the same equations, waves", _solve_ivp_rate("thesis")))
+    rows.append(("Gymnasium CartPole-v1, one environment", _cart_pole_rate()))
+    return rows
+
+
+def main() -> None:
+    """Measure and print."""
+    rows = measure()
+    cart_pole = rows[-1][1]
+    table = Table(title="RK4 steps of 0.05 s per second on one core (best of several runs)")
+    table.add_column("what")
+    table.add_column("steps/s", justify="right")
+    table.add_column("/ CartPole", justify="right")
+    for label, rate in rows:
+        table.add_row(label, f"{rate:,.0f}", f"{rate / cart_pole:.1f}")
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
