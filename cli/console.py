@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import pandas as pd
 import typer
+from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-console = Console(stderr=False)
+_PIPE_WIDTH = 180  # columns where the output is no terminal, so that no table is folded
+
+console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 errors = Console(stderr=True)
 
 
@@ -48,10 +52,15 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
 
 def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
     """Print a table; floats rounded, missing ones as a dash."""
-    table = Table(title=title, title_justify="left")
-    for column in frame.columns:
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+    for i, column in enumerate(frame.columns):
         numeric = pd.api.types.is_numeric_dtype(frame[column])
-        table.add_column(str(column), justify="right" if numeric else "left", overflow="fold")
+        table.add_column(
+            escape(str(column)),
+            justify="right" if numeric else "left",
+            no_wrap=i == 0,
+            overflow="fold",
+        )
 
     def cell(value: Any) -> str:
         if isinstance(value, float):

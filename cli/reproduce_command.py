@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +13,7 @@ from ..studies import reproduce as study
 from .console import clear_errors, console, print_table, progress
 
 
-class Table(str, Enum):
+class Table(StrEnum):
     """Tables that can be reproduced."""
 
     WORKING_POINTS = "working-points"
@@ -26,9 +26,9 @@ class Table(str, Enum):
 
 def reproduce(
     table: Annotated[Table, typer.Argument(help="Which table.")] = Table.ALL,
-    out: Annotated[
-        Path, typer.Option(help="Folder for CSV, Markdown and figures.")
-    ] = Path("out/reproduce"),
+    out: Annotated[Path, typer.Option(help="Folder for CSV, Markdown and figures.")] = Path(
+        "out/reproduce"
+    ),
     json: Annotated[
         Path | None, typer.Option(help="File for our numbers by table, row and column.")
     ] = None,

@@ -39,10 +39,10 @@ def simulate(
     row, otherwise from the steady state at the first demands.
 
     Examples:
-
         shaftline simulate --case jonswap --figure run.png --out run.csv
 
         shaftline simulate --ship frigate --inputs voyage.csv --out simulated.csv
+
     """
     with clear_errors():
         if (inputs is None) == (case is None):

@@ -26,27 +26,34 @@ def tour(
     which it was measured and says where model and measurement differ most.
     """
     with clear_errors():
+        console.print(
+            "A frigate sails 300 s of head seas; each observer estimates from shaft speed, torque and "
+            "pitch how fast the water meets the propeller.",
+            soft_wrap=True,
+        )
         with progress("sailing (the first run compiles the kernels)", len(ROWS)) as tick:
             sea = study.sail_the_thesis_sea(seed, tick)
         print_table(sea.table, "1. The frigate in head seas: who sees the water's speed?")
         console.print(
             "VAF is the share of the advance velocity's variance that an estimate accounts for; 100 % "
-            "is perfect. The noisy readings are those of good shipboard instruments.\n"
+            "is perfect. The noisy readings are those of good shipboard instruments.",
+            soft_wrap=True,
         )
+        console.print(f"{sea.sentence}\n", highlight=False, soft_wrap=True)
         figures.save(sea.figure, out / "seaway.png")
         write_atomically(out / "seaway.csv", lambda f: sea.table.to_csv(f, index=False))
 
         train = study.meet_the_drive_train()
-        shown = train.points[
-            ["model", "voltage_V", "motor_speed_rad_s_measured", "motor_speed_rad_s",
-             "speed_error_percent", "motor_current_A_measured", "motor_current_A",
-             "current_error_percent"]
-        ]  # fmt: skip
-        shown = shown.set_axis(
-            ["parameter set", "voltage [V]", "speed measured [rad/s]", "simulated", "error [%]",
-             "current measured [A]", "simulated ", "error [%] "], axis=1,
-        )  # fmt: skip
-        print_table(shown, "2. Real measurements: the drive train of the model tug Tito Neri")
+        for model, points in train.points.groupby("model", sort=False):
+            shown = points[
+                ["voltage_V", "motor_speed_rad_s_measured", "motor_speed_rad_s",
+                 "speed_error_percent", "motor_current_A_measured", "motor_current_A",
+                 "current_error_percent"]
+            ].set_axis(
+                ["U [V]", "speed measured [rad/s]", "simulated", "error [%]",
+                 "current measured [A]", "simulated ", "error [%] "], axis=1,
+            )  # fmt: skip
+            print_table(shown, f"2. Real measurements of a drive train, against {model}")
         for sentence in train.sentences:
             console.print(f"- {sentence}", highlight=False, soft_wrap=True)
         figures.save(train.figure, out / "tito-neri.png")

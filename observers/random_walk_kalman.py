@@ -164,9 +164,7 @@ def update_random_walk_kalman_printed(
     a11 = (engine - by_speed) / total
     a12 = -by_velocity / ship.inertia_propeller_side
     drift = m.shaft_torque - model_torque(ship, v, m.shaft_speed, m.pitch_ratio)
-    predicted = estimate.x[0] + dt * (
-        a11 * estimate.x[0] + drift / ship.inertia_propeller_side
-    )
+    predicted = estimate.x[0] + dt * (a11 * estimate.x[0] + drift / ship.inertia_propeller_side)
     _propagated(estimate, 1.0 + dt * a11, dt * a12, observer)
     dw, dv = _corrected(estimate, 0.0 - predicted, observer)
     estimate.x[0] = predicted + dw

@@ -42,6 +42,7 @@ def sail(
         first_step: steps since time 0, a multiple of ``SYNC_STEPS`` where there is a sea.
         steps: how many to take.
         dt: [s].
+
     """
     for i in range(len(plants)):
         for k in range(steps):

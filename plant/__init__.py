@@ -1,9 +1,9 @@
 """The physics: propeller, engine, shaft, hull, actuators, waves, and their integration in time."""
 
-from .steady_state import Equilibrium, equilibrium
 from .linear import linearise
 from .ship import Ship, ShipError, load_ship, ship_names
 from .simulation import Schedule, simulate
+from .steady_state import Equilibrium, equilibrium
 from .waves import Sea, get_sea, realise
 
 __all__ = [

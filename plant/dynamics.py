@@ -101,6 +101,7 @@ def evaluate(
         ventilated: on/off state of ventilation.
 
     Constant divisors are written as reciprocals so that one division serves all stages of a step.
+
     """
     # propeller in the wake
     blade = blade_pitch(plant, state.pitch_ratio, blade_before)
@@ -114,9 +115,7 @@ def evaluate(
         advance = kinematic
         inflow_rate = 0.0
     submergence = plant.depth + inputs.elevation
-    load = propeller_load(
-        plant, advance, state.shaft_speed, blade, submergence, state.ventilation
-    )
+    load = propeller_load(plant, advance, state.shaft_speed, blade, submergence, state.ventilation)
     propeller_torque = load.torque * (1.0 / plant.relative_rotative_efficiency)  # eq. 2-5
 
     # prime mover
@@ -202,11 +201,6 @@ def _moved(state: State, rate: State, h: float) -> State:
 
 
 @compiled
-def _combined(x: float, k1: float, k2: float, k3: float, k4: float, dt: float) -> float:
-    return x + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-
-
-@compiled
 def runge_kutta(
     plant: Record,
     state: State,
@@ -221,16 +215,10 @@ def runge_kutta(
     k2, _ = evaluate(plant, _moved(state, k1, 0.5 * dt), middle, blade_before, ventilated)
     k3, _ = evaluate(plant, _moved(state, k2, 0.5 * dt), middle, blade_before, ventilated)
     k4, _ = evaluate(plant, _moved(state, k3, dt), end, blade_before, ventilated)
-    return State(
-        _combined(state.pitch_ratio, k1.pitch_ratio, k2.pitch_ratio, k3.pitch_ratio, k4.pitch_ratio, dt),
-        _combined(state.shaft_speed, k1.shaft_speed, k2.shaft_speed, k3.shaft_speed, k4.shaft_speed, dt),
-        _combined(state.ship_speed, k1.ship_speed, k2.ship_speed, k3.ship_speed, k4.ship_speed, dt),
-        _combined(state.position, k1.position, k2.position, k3.position, k4.position, dt),
-        _combined(state.brake_torque, k1.brake_torque, k2.brake_torque, k3.brake_torque, k4.brake_torque, dt),
-        _combined(state.inflow, k1.inflow, k2.inflow, k3.inflow, k4.inflow, dt),
-        _combined(state.ventilation, k1.ventilation, k2.ventilation, k3.ventilation, k4.ventilation, dt),
-        _combined(state.motor_current, k1.motor_current, k2.motor_current, k3.motor_current, k4.motor_current, dt),
-    )  # fmt: skip
+    following = _moved(state, k1, dt / 6.0)
+    following = _moved(following, k2, dt / 3.0)
+    following = _moved(following, k3, dt / 3.0)
+    return _moved(following, k4, dt / 6.0)
 
 
 @compiled

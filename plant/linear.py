@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import control
 import numpy as np
 
 from .dynamics import Inputs, Outputs, State, evaluate
-from .steady_state import Equilibrium
 from .ship import Ship
+from .steady_state import Equilibrium
 
 INPUTS = {
     "pitch_command": "pitch_command",
@@ -56,6 +58,7 @@ def linearise(
 
     Raises:
         ValueError: an output that does not exist.
+
     """
     known = {*State._fields, *Outputs._fields}
     for name in outputs:
@@ -64,13 +67,12 @@ def linearise(
     plant = ship.record()
     states = active_states(ship)
     state = State(*(complex(value) for value in point.state))
-    inputs = Inputs(*(complex(value) for value in point.inputs))
-    # the field's slope and its position are not differentiated and stay real in the kernels
-    inputs = inputs._replace(inflow_slope=0j, inflow_position=0j)
+    acting: Any = [complex(value) for value in point.inputs]  # all of one type, for the kernel
+    inputs = Inputs(*acting)
     blade = float(np.real(point.outputs.pitch_ratio))
 
-    def derivatives(shifted: State, acting: Inputs) -> tuple[list[float], list[float]]:
-        rate, out = evaluate(plant, shifted, acting, blade, False)
+    def derivatives(shifted: State, acted: Inputs) -> tuple[list[float], list[float]]:
+        rate, out = evaluate(plant, shifted, acted, blade, False)
         values = {**shifted._asdict(), **out._asdict()}
         return (
             [getattr(rate, name).imag / _STEP for name in states],

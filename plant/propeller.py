@@ -53,6 +53,7 @@ def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.
         Matrix of shape (7, 4): entry [k, i] multiplies (P/D)**k J**i.
 
     Source: Bernitsas, Ray & Kinley 1981, eqs. (1) and (2).
+
     """
     matrix = np.zeros((PITCH_POWERS, J_POWERS))
     terms = _polynomials()
@@ -107,7 +108,7 @@ def open_water(curve: NDArray[np.float64], advance_ratio: Real, pitch_ratio: Rea
 
 @compiled_polynomial
 def open_water_slope(curve: NDArray[np.float64], advance_ratio: Real, pitch_ratio: Real) -> Real:
-    """d KT / d J or d KQ / d J [-]."""
+    """D KT / d J or d KQ / d J [-]."""
     _, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
     return (3.0 * c3 * advance_ratio + 2.0 * c2) * advance_ratio + c1
 
@@ -136,6 +137,7 @@ def invert_torque_coefficient(
     Returns:
         J [-] and whether it lies inside the curve's falling branch between J = 0 and the largest
         usable J. Outside, J is held at the edge; where the input is not finite, at the guess.
+
     """
     c0, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
     if not (math.isfinite(torque_coefficient) and math.isfinite(c0)):
@@ -211,6 +213,7 @@ def propeller_load(
 
     Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D:
     Delta KT = -0.3 (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.
+
     """
     n = shaft_speed * _REVOLUTIONS_PER_RADIAN
     n2 = n * n
@@ -243,4 +246,3 @@ def propeller_load(
     kq_n2 = kq_n2 * (1.0 - ventilation * plant.ventilation_torque_loss)
     force = plant.density * plant.diameter**4
     return PropellerLoad(force * kt_n2, force * plant.diameter * kq_n2, deep_kt)
-

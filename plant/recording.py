@@ -61,6 +61,7 @@ def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
         RecordingError: unreadable, a column missing, a value that is no finite number or outside
             its signal's bounds, or a time that does not rise evenly. Rows count from 1 below the
             header.
+
     """
     path = Path(path)
     try:
@@ -81,7 +82,7 @@ def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
     return table
 
 
-def _checked(path: Path, column: str, values: pd.Series[Any]) -> pd.Series[Any]:
+def _checked(path: Path, column: str, values: pd.Series) -> pd.Series:
     numbers = pd.to_numeric(values, errors="coerce").astype(float)
     low, high, unit = _BOUNDS[column]
     bad = ~np.isfinite(numbers.to_numpy())
@@ -132,6 +133,7 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
 
     Raises:
         RecordingError: the ship has no steady state at the first row's demands.
+
     """
     time = recording[TIME].to_numpy()
     period = float(np.median(np.diff(time)))
@@ -150,7 +152,7 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
         initial=_initial_state(ship, recording, float(drive[0]), float(pitch[0])),
         dt=period / per_row,
     )[::per_row]
-    columns = {c: recording[c] for c in input_columns(ship)}
+    columns: dict[str, Any] = {c: recording[c] for c in input_columns(ship)}
     columns |= {c: samples[name] for c, name in _MEASURED.items()}
     columns |= {c: samples[name] for c, name in _OPTIONAL.items() if c in recording}
     return pd.DataFrame(columns)
@@ -159,8 +161,8 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
 def _initial_state(ship: Ship, recording: pd.DataFrame, drive: float, pitch: float) -> State:
     measured = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
     if all(column in recording for column in measured):
-        first = [float(recording[column].iloc[0]) for column in measured]
-        return State(*first, 0.0, 0.0, 0.0, 0.0, 0.0)
+        first = (float(recording[column].iloc[0]) for column in measured)
+        return State(*first, *(0.0,) * (len(State._fields) - len(measured)))
     try:
         return equilibrium(ship, drive, pitch).state
     except ValueError as error:

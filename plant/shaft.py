@@ -20,6 +20,7 @@ def friction_torque(coulomb: float, viscous: float, shaft_speed: Real) -> Real:
             a shaft can start from rest. Beyond 1 rad/s the two are equal to the last bit.
         viscous: torque per shaft speed [N m s/rad].
         shaft_speed: omega [rad/s].
+
     """
     if coulomb == 0.0 and viscous == 0.0:
         return 0.0
@@ -33,8 +34,8 @@ def friction_torque(coulomb: float, viscous: float, shaft_speed: Real) -> Real:
 @compiled
 def shaft_inertia(plant: Record) -> float:
     """Inertia I [kg m2] of the whole line at the propeller shaft, entrained water included."""
-    inertia: float = plant.inertia_engine_side + plant.inertia_propeller_side
-    return inertia + plant.entrained_inertia
+    rotating = plant.inertia_engine_side + plant.inertia_propeller_side
+    return float(rotating + plant.entrained_inertia)
 
 
 @compiled

@@ -33,7 +33,9 @@ def _number(description: str, unit: str = "-", *, record: str, **limits: Any) ->
     )
 
 
-def _effect(neutral: float, description: str, unit: str = "-", *, record: str, **limits: Any) -> Any:
+def _effect(
+    neutral: float, description: str, unit: str = "-", *, record: str, **limits: Any
+) -> Any:
     """A number whose ``neutral`` value means that the effect is absent."""
     return _number(description, unit, record=record, default=neutral, **limits)
 
@@ -56,9 +58,7 @@ class Hull(_Section):
     resistance_coefficient_N_s2_m2: float = _number(
         "R = c1 v^2", "N s2/m2", record="resistance_coefficient", ge=0, le=1e7, default=0.0
     )
-    thrust_deduction: float = _number(
-        "t", record="thrust_deduction", ge=-0.2, lt=0.6, default=0.0
-    )
+    thrust_deduction: float = _number("t", record="thrust_deduction", ge=-0.2, lt=0.6, default=0.0)
     wake_fraction: float = _number("w", record="wake_fraction", ge=-0.2, lt=0.6, default=0.0)
     propellers: int = Field(1, ge=1, le=8, description="number of equal propellers k_p")
     fouling_fraction: float = _effect(
@@ -153,9 +153,7 @@ class Diesel(_Section):
     torque_per_speed_N_m_s_rad: float = _number(
         "a", "N m s/rad", record="torque_per_speed", ge=-1e5, le=0
     )
-    torque_per_rack_N_m_mm: float = _number(
-        "b", "N m/mm", record="torque_per_rack", gt=0, le=1e6
-    )
+    torque_per_rack_N_m_mm: float = _number("b", "N m/mm", record="torque_per_rack", gt=0, le=1e6)
     torque_offset_N_m: float = _number("c", "N m", record="torque_offset", ge=-1e6, le=1e6)
     rack_max_mm: float = _number("end stop of the rack", "mm", record="drive_max", gt=0, le=200)
     speed_min_rpm: float = Field(ge=0, le=3000, description="lowest running speed")
@@ -171,7 +169,9 @@ class Diesel(_Section):
         "rise of the limit with engine speed", "N m s/rad", record="torque_limit_slope",
         ge=0, le=1e6, default=0.0,
     )  # fmt: skip
-    lag_s: float = _effect(0.0, "first-order lag of the torque", "s", record="engine_lag", ge=0, le=30)
+    lag_s: float = _effect(
+        0.0, "first-order lag of the torque", "s", record="engine_lag", ge=0, le=30
+    )
     dead_time_s: float = _effect(
         0.0, "delay of the rack's demand", "s", record="engine_dead_time", ge=0, le=6
     )
@@ -294,9 +294,7 @@ class Sensors(_Section):
 class Integration(_Section):
     """Fixed-step integration."""
 
-    time_step_s: float = _number(
-        "RK4 step", "s", record="time_step", gt=0, le=0.5, default=0.05
-    )
+    time_step_s: float = _number("RK4 step", "s", record="time_step", gt=0, le=0.5, default=0.05)
 
 
 HISTORY = 128
@@ -359,6 +357,7 @@ class Ship(_Section):
 
         Raises:
             ShipError: unknown key, or a value out of range.
+
         """
         tree = self.model_dump()
         for dotted, value in values.items():
@@ -409,7 +408,11 @@ class Ship(_Section):
         return record
 
     def _sections(self) -> list[BaseModel]:
-        return [v for v in (getattr(self, k) for k in type(self).model_fields) if isinstance(v, BaseModel)]
+        return [
+            v
+            for v in (getattr(self, k) for k in type(self).model_fields)
+            if isinstance(v, BaseModel)
+        ]
 
 
 def _record_field(info: FieldInfo) -> str | None:
@@ -473,6 +476,7 @@ def load_ship(ship: str | Path | Ship) -> Ship:
     Raises:
         ShipError: unknown name, unreadable file, or a value that is missing, unknown, of the wrong
             type or out of range; the message names file, key, unit and allowed range.
+
     """
     if isinstance(ship, Ship):
         return ship

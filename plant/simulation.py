@@ -76,6 +76,7 @@ def step(
     Returns:
         The outputs at the step's start, with the new commands acting; the memory holds the
         instruments' readings of that instant.
+
     """
     now = get_state(state)
     delivered = begin_step(plant, memory, drive, dt)
@@ -245,6 +246,7 @@ def advance(
         first_step: steps since time 0, a multiple of ``SYNC_STEPS`` where there is a sea.
         steps: how many to take.
         dt: [s].
+
     """
     for i in range(len(plants)):
         for k in range(steps):
@@ -315,11 +317,12 @@ def simulate(
 
     Raises:
         ValueError: an input is not finite.
+
     """
     dt = ship.time_step_s if dt is None else dt
     steps = max(1, math.ceil(duration_s / dt - 1e-9))
-    grid = np.arange(steps) * dt
-    half_grid = np.arange(2 * steps + 1) * (0.5 * dt)
+    grid = np.arange(steps, dtype=np.float64) * dt
+    half_grid = np.arange(2 * steps + 1, dtype=np.float64) * (0.5 * dt)
     state = np.zeros(1, STATE)
     state[0] = tuple(float(value) for value in initial)
     samples = np.zeros(steps + 1, SAMPLE)
@@ -336,4 +339,3 @@ def simulate(
         samples,
     )
     return samples
-

@@ -46,6 +46,7 @@ def equilibrium(
     Raises:
         ValueError: no steady state with a forward-turning shaft exists, for example because the
             engine's torque does not overcome its friction.
+
     """
     plant = ship.record()
     inputs = steady_inputs(drive, pitch_ratio, inflow, resistance_factor)
@@ -89,9 +90,7 @@ def _steady_current(plant: Any, rate_at_zero_current: float) -> float:
     """Current [A] at which di/dt vanishes: L di/dt at i = 0 is R times it."""
     if plant["armature_inductance"] <= 0.0:
         return 0.0
-    return float(
-        plant["armature_inductance"] * rate_at_zero_current / plant["armature_resistance"]
-    )
+    return float(plant["armature_inductance"] * rate_at_zero_current / plant["armature_resistance"])
 
 
 def _starts(ship: Ship, drive: float) -> list[list[float]]:

@@ -73,12 +73,11 @@ def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
     Args:
         frequency: omega [rad/s], positive, any shape.
         sea: Hs, Tp and gamma.
+
     """
     peak = 2.0 * math.pi / sea.tp_s
     ratio = frequency / peak
-    pierson_moskowitz = (
-        5.0 / 16.0 * sea.hs_m**2 / peak * ratio**-5.0 * np.exp(-1.25 * ratio**-4.0)
-    )
+    pierson_moskowitz = 5.0 / 16.0 * sea.hs_m**2 / peak * ratio**-5.0 * np.exp(-1.25 * ratio**-4.0)
     width = np.where(ratio <= 1.0, 0.07, 0.09)
     enhancement = sea.gamma ** np.exp(-0.5 * ((ratio - 1.0) / width) ** 2)
     normalisation = 1.0 - 0.287 * math.log(sea.gamma)
@@ -102,6 +101,7 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
         SEA record of 64 components between 0.55 and 4.5 times the peak frequency, one at a random
         place in each of 64 bands that widen with frequency (so the sea does not repeat itself),
         scaled so that their energy is exactly Hs^2 / 16.
+
     """
     record = np.zeros(1, SEA)[0]
     if sea.hs_m == 0.0:
@@ -138,6 +138,7 @@ def get_sea(name: str) -> Sea | None:
 
     Raises:
         ValueError: unknown name; the message lists the known ones.
+
     """
     if name == "calm":
         return None
@@ -190,10 +191,7 @@ def unit_phasors(
                     * (
                         -1.0 / 5040.0
                         + r2
-                        * (
-                            1.0 / 362880.0
-                            + r2 * (-1.0 / 39916800.0 + r2 * (1.0 / 6227020800.0))
-                        )
+                        * (1.0 / 362880.0 + r2 * (-1.0 / 39916800.0 + r2 * (1.0 / 6227020800.0)))
                     )
                 )
             )
@@ -210,10 +208,7 @@ def unit_phasors(
                     * (
                         1.0 / 40320.0
                         + r2
-                        * (
-                            -1.0 / 3628800.0
-                            + r2 * (1.0 / 479001600.0 - r2 * (1.0 / 87178291200.0))
-                        )
+                        * (-1.0 / 3628800.0 + r2 * (1.0 / 479001600.0 - r2 * (1.0 / 87178291200.0)))
                     )
                 )
             )
@@ -284,6 +279,7 @@ def synchronise(sea: Record, time: float, position: float, speed: float, half_st
         position: of the ship along its track [m].
         speed: of the ship [m/s].
         half_step: half of the plant's time step [s].
+
     """
     sea.reference_position = position
     sea.reference_speed = speed

@@ -42,10 +42,13 @@ def observer_traces(
     Args:
         title: of the figure.
         records: by load case: time [s], truth [m/s], estimate [m/s], VAF [%].
+
     """
     figure, axes = new_figure(4, 2, (9.0, 10.0))
     figure.suptitle(title, fontsize=12)
-    for axis, (name, (time, truth, estimate, score)) in zip(axes.flat, records.items(), strict=False):
+    for axis, (name, (time, truth, estimate, score)) in zip(
+        axes.flat, records.items(), strict=False
+    ):
         axis.plot(time, truth, color=TRUTH, linewidth=1.2, label="true")
         axis.plot(time, estimate, color=ESTIMATE, linewidth=1.0, linestyle="--", label="estimated")
         axis.set_title(f"{name.replace('_', ' ')}: VAF {score:.2f} %", fontsize=9)
@@ -67,6 +70,7 @@ def trade_off(comparison: pd.DataFrame, vaf: pd.DataFrame) -> Figure:
     Args:
         comparison: from :func:`shaftline.studies.snr.compared`.
         vaf: VAF table, rows by observer, columns by load case.
+
     """
     figure, axes = new_figure(1, 1, (8.5, 5.2))
     axis: Axes = axes[0, 0]
@@ -96,6 +100,7 @@ def gain_sweep(table: pd.DataFrame) -> Figure:
 
     Args:
         table: columns gamma, vaf [%], snr_db.
+
     """
     figure, axes = new_figure(1, 1, (7.5, 4.4))
     left: Axes = axes[0, 0]
@@ -115,6 +120,7 @@ def bode(systems: dict[str, control.StateSpace], title: str) -> Figure:
     Args:
         systems: linear models by label, from :func:`shaftline.plant.linearise`.
         title: of the figure.
+
     """
     first = next(iter(systems.values()))
     outputs, inputs = first.output_labels, first.input_labels
@@ -148,6 +154,7 @@ def columns(table: pd.DataFrame, title: str) -> Figure:
     Args:
         table: columns as in recordings.
         title: of the figure.
+
     """
     panels = (
         ("advance_velocity_m_s", "advance velocity [m/s]", 1.0),
@@ -189,6 +196,7 @@ def seaway(
         estimates: by observer [m/s].
         scores: VAF [%] by observer.
         window: part of the record to show [s].
+
     """
     shown = (time >= window[0]) & (time <= window[1])
     columns = 3
@@ -215,15 +223,14 @@ def seaway(
     return figure
 
 
-def drive_train(
-    points: pd.DataFrame, response: pd.DataFrame, models: Sequence[str]
-) -> Figure:
+def drive_train(points: pd.DataFrame, response: pd.DataFrame, models: Sequence[str]) -> Figure:
     """Tito Neri: measured and simulated operating points and frequency response.
 
     Args:
         points: from :func:`shaftline.studies.tito_neri.operating_points`.
         response: from :func:`shaftline.studies.tito_neri.frequency_response`.
         models: names of the parameter sets.
+
     """
     figure, axes = new_figure(2, 2, (10.0, 7.0))
     figure.suptitle("Tito Neri drive train: measured (black) and simulated", fontsize=12)

@@ -41,6 +41,7 @@ class LoadCase:
             ship: the ship.
             seed: of the sea, where the case has one.
             dt: time step [s]; the ship's own by default.
+
         """
         sea = get_sea(self.sea) if self.sea else None
         return simulate(
@@ -90,9 +91,7 @@ CASES = {
             Schedule(RACK, PITCH, inflow=_sine(1.0, 0.15)),
             _periods(4, 0.15),
         ),
-        LoadCase(
-            "inflow_sine_high", "inflow 1 m/s at 4 rad/s", _FAST, _periods(20, 4.0)
-        ),
+        LoadCase("inflow_sine_high", "inflow 1 m/s at 4 rad/s", _FAST, _periods(20, 4.0)),
         LoadCase(
             "resistance_ramp",
             "resistance factor from 1 to 1.75 in 180 s",
@@ -130,6 +129,7 @@ def get_case(name: str) -> LoadCase:
 
     Raises:
         ValueError: unknown name; the message lists the known ones.
+
     """
     if name not in CASES:
         raise ValueError(f"unknown load case {name!r}; known: {', '.join(CASES)}")

@@ -93,9 +93,7 @@ def reproduce_vaf(folder: Path, tick: Tick) -> Reproduced:
         f"\nThe sea's column is the mean of {vaf.SEA_SEEDS} seeds. `random-walk-kalman` is the filter "
         "as printed; `random-walk-kalman-extended` is ours, which keeps its own shaft speed.\n"
     )
-    result = _finished(
-        "vaf", "Variance accounted for, % (Table 4-1)", comparison, folder, 2, extra
-    )
+    result = _finished("vaf", "Variance accounted for, % (Table 4-1)", comparison, folder, 2, extra)
     _draw_traces(folder / "figures")
     tick()
     return result

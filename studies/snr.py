@@ -28,9 +28,15 @@ SEEDS = 20
 SHARE = 0.95
 
 REASONS = {
-    ("*", "*"): "within about 2 dB: the thesis inverts KQ by a coarse table, which rounds large noise "
+    (
+        "*",
+        "*",
+    ): "within about 2 dB: the thesis inverts KQ by a coarse table, which rounds large noise "
     "away, and discretises its filters in a way that it does not state",
-    ("random-walk-kalman", "*"): "the printed filter acts as a power balance and here needs the same "
+    (
+        "random-walk-kalman",
+        "*",
+    ): "the printed filter acts as a power balance and here needs the same "
     "SNR as that; the thesis's re-linearises on a coarse table of slopes, which smooths",
 }
 
@@ -57,7 +63,7 @@ def required_snr(
 
 def snr_at(
     sample_time_s: float, seeds: int = SEEDS, tick: Callable[[], None] = lambda: None
-) -> pd.Series[float]:
+) -> pd.Series:
     """Required SNR [dB] of every row at one sample time of the noise (and of the observers)."""
     frigate = load_ship("frigate")
     samples = CASES["measurement_noise"].run(frigate, dt=sample_time_s)
@@ -97,9 +103,7 @@ def gain_sweep(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
     rows = []
     for gamma in np.geomspace(0.7, 40.0, 10):
         observer = ImmersionInvariance(float(gamma))
-        clean = variance_accounted_for(
-            truth, follow(observer, frigate, readings, SAMPLE_TIME_S)[0]
-        )
+        clean = variance_accounted_for(truth, follow(observer, frigate, readings, SAMPLE_TIME_S)[0])
         needed = required_snr(observer, frigate, readings, truth, SAMPLE_TIME_S, seeds=8)
         rows.append({"gamma": gamma, "vaf": clean, "snr_db": needed})
         tick()

@@ -116,7 +116,7 @@ def measure() -> list[tuple[str, float]]:
         ("waves and an I&I observer", "thesis", "immersion-invariance"),
         ("waves and an extended Kalman filter", "thesis", "random-walk-kalman"),
     ):
-        for size, kind in ((BATCH, f"batch of {BATCH}"), (1, "one ship, 100 steps a call")):
+        for size, kind in ((BATCH, f"batch of {BATCH}"), (1, "one ship")):
             fleet = Fleet(size, sea, observer)
             rows.append((f"plant, {label}, {kind}", best_rate(fleet.run, size * STEPS)))
     alone = Fleet(1, None)

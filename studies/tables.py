@@ -18,6 +18,7 @@ def published(name: str) -> pd.DataFrame:
 
     Args:
         name: file name without ending, as in ``studies/data``.
+
     """
     with resources.files("shaftline.studies").joinpath(f"data/{name}.csv").open() as file:
         return pd.read_csv(file, index_col=0)
@@ -37,6 +38,7 @@ def compare(
 
     Returns:
         One row per cell: row, column, ours, thesis, difference, why.
+
     """
     cells = []
     for row in ours.index:

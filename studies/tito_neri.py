@@ -33,6 +33,7 @@ def operating_points() -> pd.DataFrame:
         ``shaft_balance_N_m`` is K_e i - M_f - M_p, both of the *measured* speed and current: what
         the model's equation is off by when nothing else can be to blame. In percent: of the
         voltage, and of the motor's torque.
+
     """
     rows = []
     for name in MODELS:
@@ -81,6 +82,7 @@ def frequency_response() -> pd.DataFrame:
     Returns:
         One row per model and frequency: gains [-] of d(i/i_0)/d(U/U_0) and d(omega/omega_0)/
         d(U/U_0), phases [deg].
+
     """
     measured = published("tito_neri_frequency_response")
     rows = []
@@ -113,9 +115,7 @@ def frequency_response() -> pd.DataFrame:
 
 def response_error(response: pd.DataFrame, model: str, quantity: str) -> float:
     """Rms error of a gain [dB] over the frequencies that the authors kept."""
-    line = response[
-        (response["model"] == model) & (response["frequency_rad_s"] < DISCARDED_ABOVE)
-    ]
+    line = response[(response["model"] == model) & (response["frequency_rad_s"] < DISCARDED_ABOVE)]
     ratio = line[f"{quantity}_gain"] / line[f"{quantity}_gain_measured"]
     return float(np.sqrt(np.mean((20.0 * np.log10(ratio)) ** 2)))
 

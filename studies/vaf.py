@@ -33,10 +33,16 @@ SEA_SEEDS = 10
 COLUMNS = [name for name, case in CASES.items() if not case.noisy]
 
 REASONS = {
-    ("*", "pitch_step"): "the thesis inverts KQ by a table that is too coarse in P/D while the pitch "
+    (
+        "*",
+        "pitch_step",
+    ): "the thesis inverts KQ by a table that is too coarse in P/D while the pitch "
     "moves; ours inverts the curve exactly. The rows that need no inverse (I&I, random-walk Kalman) "
     "agree",
-    ("*", "jonswap"): "ours is the mean of ten seeded seas; the thesis has one, with unknown phases",
+    (
+        "*",
+        "jonswap",
+    ): "ours is the mean of ten seeded seas; the thesis has one, with unknown phases",
 }
 
 
@@ -51,6 +57,7 @@ def vaf_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
 
     Args:
         tick: called after each simulated record (:func:`records` tells how many).
+
     """
     frigate = load_ship("frigate")
     collected: dict[str, list[list[float]]] = {name: [] for name in COLUMNS}

@@ -1,0 +1,36 @@
+# Fresh machine: `make run` and `make test` need nothing but Python 3.11 or newer and make.
+PYTHON ?= python3
+BIN := .venv/bin
+INSTALLED := .venv/installed
+
+.PHONY: run test test-slow check results clean
+
+run: $(INSTALLED)
+	$(BIN)/shaftline tour --out out/tour
+
+test: $(INSTALLED)
+	$(BIN)/python -m pytest -n auto -m "not slow"
+
+test-slow: $(INSTALLED)
+	$(BIN)/python -m pytest -n auto -m slow
+
+check: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	mkdir -p .venv/source && ln -sfn "$(CURDIR)" .venv/source/shaftline
+	MYPYPATH=.venv/source $(BIN)/mypy -p shaftline.plant -p shaftline.observers -p shaftline.studies -p shaftline.cli
+
+# every number and figure in docs/results
+results: $(INSTALLED)
+	$(BIN)/shaftline reproduce all --out docs/results
+	$(BIN)/shaftline tour --out docs/results/tour
+	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
+
+$(INSTALLED): pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip -c constraints.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $(INSTALLED)
+
+clean:
+	rm -rf .venv out build dist *.egg-info
