@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
 
-.PHONY: run test test-slow check results clean
+.PHONY: run test test-slow check docs results clean
 
 run: $(INSTALLED)
 	$(BIN)/shaftline tour --out out/tour
@@ -19,6 +19,9 @@ check: $(INSTALLED)
 	$(BIN)/ruff format --check .
 	mkdir -p .venv/source && ln -sfn "$(CURDIR)" .venv/source/shaftline
 	MYPYPATH=.venv/source $(BIN)/mypy -p shaftline.plant -p shaftline.observers -p shaftline.studies -p shaftline.cli
+
+docs: $(INSTALLED)
+	$(BIN)/shaftline list --markdown docs/reference.md
 
 # every number and figure in docs/results
 results: $(INSTALLED)

@@ -1,29 +1,64 @@
-"""``shaftline list``."""
+"""``shaftline list`` and the reference page, both from the registries themselves."""
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
 import pandas as pd
+import typer
 
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
+from ..plant.files import write_text
+from ..plant.ship import ship_keys
 from ..plant.signals import SIGNALS
 from ..plant.waves import presets
 from ..studies.load_cases import CASES
+from ..studies.tables import markdown
 from .console import clear_errors, console, print_table
 
 
-def list_names() -> None:
-    """List the ships, seas, observers, load cases and signals that come with shaftline."""
+def registries() -> dict[str, pd.DataFrame]:
+    """Everything that has a name, by heading."""
+    return {
+        "Ships": pd.DataFrame(
+            [(name, load_ship(name).description) for name in ship_names()],
+            columns=["ship", "description"],
+        ),
+        "Seas": pd.DataFrame(
+            [("calm", 0.0, float("nan"), float("nan"))]
+            + [(n, s.hs_m, s.tp_s, s.gamma) for n, s in presets().items()],
+            columns=["sea", "Hs [m]", "Tp [s]", "gamma [-]"],
+        ),
+        "Observers": pd.DataFrame({"observer": observer_names()}),
+        "Load cases": pd.DataFrame(
+            [(case.name, case.description) for case in CASES.values()],
+            columns=["load case", "description"],
+        ),
+        "Signals": pd.DataFrame(
+            [(s.column, s.symbol, s.unit, s.source, s.description) for s in SIGNALS],
+            columns=["column", "symbol", "unit", "source", "description"],
+        ),
+        "Keys of a ship file": pd.DataFrame(
+            ship_keys(), columns=["key", "unit", "allowed", "default", "description"]
+        ),
+    }
+
+
+def list_names(
+    markdown_file: Annotated[
+        Path | None, typer.Option("--markdown", help="Write the lists to this file instead.")
+    ] = None,
+) -> None:
+    """List ships, seas, observers, load cases, signals, and every key of a ship file."""
     with clear_errors():
-        ships = [(name, load_ship(name).description) for name in ship_names()]
-        print_table(pd.DataFrame(ships, columns=["ship", "description"]), "Ships")
-        seas = [(n, s.hs_m, s.tp_s, s.gamma) for n, s in presets().items()]
-        print_table(pd.DataFrame(seas, columns=["sea", "Hs [m]", "Tp [s]", "gamma [-]"]), "Seas")
-        cases = [(case.name, case.description) for case in CASES.values()]
-        print_table(pd.DataFrame(cases, columns=["load case", "description"]), "Load cases")
-        signals = [(s.column, s.symbol, s.unit, s.source, s.description) for s in SIGNALS]
-        print_table(
-            pd.DataFrame(signals, columns=["column", "symbol", "unit", "source", "description"]),
-            "Signals",
-        )
-        console.print("Observers: " + ", ".join(observer_names()), highlight=False)
+        tables = registries()
+        if markdown_file is not None:
+            parts = [f"## {title}\n\n{markdown(table)}\n" for title, table in tables.items()]
+            head = "# Reference\n\nMade by `shaftline list --markdown docs/reference.md`.\n\n"
+            write_text(markdown_file, head + "\n".join(parts))
+            console.print(f"written: {markdown_file}", highlight=False, soft_wrap=True)
+            return
+        for title, table in tables.items():
+            print_table(table, title)

@@ -54,6 +54,10 @@ def tour(
                  "current measured [A]", "simulated ", "error [%] "], axis=1,
             )  # fmt: skip
             print_table(shown, f"2. Real measurements of a drive train, against {model}")
+        print_table(
+            train.gains,
+            "3. Its measured frequency response about 5.89 V: gains, measured and simulated",
+        )
         for sentence in train.sentences:
             console.print(f"- {sentence}", highlight=False, soft_wrap=True)
         figures.save(train.figure, out / "tito-neri.png")

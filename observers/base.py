@@ -21,6 +21,7 @@ from ..plant.propeller import (
     open_water_slope,
 )
 from ..plant.ship import PLANT
+from ..plant.signals import SIGNALS
 
 NONE, ORACLE, LUENBERGER, SHAFT_KALMAN, POWER_BALANCE = 0, 1, 2, 3, 4
 SHAFT_ACCELERATION, SHAFT_ACCELERATION_DERIVED, IMMERSION_INVARIANCE = 5, 6, 7
@@ -72,13 +73,19 @@ class Measurement(NamedTuple):
     advance_velocity: float  # [m/s]
 
 
+_HIGHEST = {signal.name: float(signal.high) for signal in SIGNALS}
+_MAX_SPEED = _HIGHEST["shaft_speed"]
+_MAX_TORQUE = _HIGHEST["measured_shaft_torque"]
+_MAX_PITCH = _HIGHEST["measured_pitch_ratio"]
+
+
 @compiled
-def is_finite(m: Measurement) -> bool:
-    """Whether speed, torque and pitch are numbers."""
+def is_plausible(m: Measurement) -> bool:
+    """Whether speed, torque and pitch are numbers within the bounds of the signal registry."""
     return (
-        math.isfinite(m.shaft_speed)
-        and math.isfinite(m.shaft_torque)
-        and math.isfinite(m.pitch_ratio)
+        abs(m.shaft_speed) <= _MAX_SPEED
+        and abs(m.shaft_torque) <= _MAX_TORQUE
+        and abs(m.pitch_ratio) <= _MAX_PITCH
     )
 
 

@@ -21,7 +21,7 @@ from .base import (
     SHAFT_ACCELERATION_DERIVED,
     SHAFT_KALMAN,
     Measurement,
-    is_finite,
+    is_plausible,
     remember,
 )
 from .direct import NoObserver, Oracle, update_none, update_oracle
@@ -135,9 +135,9 @@ def _dispatch(observer: Record, estimate: Record, m: Measurement) -> tuple[float
 def update(observer: Record, estimate: Record, m: Measurement) -> float:
     """Take one sample; gives the estimate of the advance velocity [m/s].
 
-    Where a reading is not finite, the estimate is held and flagged invalid; the observer starts
-    afresh with the next good sample. Where the torque lies off the propeller's curve, the estimate
-    is held at the curve's edge and flagged invalid.
+    Where a reading is not finite or beyond the signal registry's bounds, the estimate is held and
+    flagged invalid; the observer starts afresh with the next good sample. Where the torque lies off
+    the propeller's curve, the estimate is held at the curve's edge and flagged invalid.
 
     Args:
         observer: OBSERVER record.
@@ -145,7 +145,7 @@ def update(observer: Record, estimate: Record, m: Measurement) -> float:
         m: the instruments' readings.
 
     """
-    if observer.kind != ORACLE and not is_finite(m):
+    if observer.kind != ORACLE and not is_plausible(m):
         estimate.started = 0
         estimate.valid = 0
         return float(estimate.advance_velocity)

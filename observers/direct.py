@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -44,5 +45,7 @@ def update_none(observer: Record, estimate: Record, m: Measurement) -> tuple[flo
 
 @compiled
 def update_oracle(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-    """The truth."""
+    """The truth, where there is one."""
+    if not math.isfinite(m.advance_velocity):
+        return estimate.advance_velocity, False
     return m.advance_velocity, True

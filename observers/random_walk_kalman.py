@@ -142,7 +142,8 @@ def update_random_walk_kalman(
     dw, dv = _corrected(estimate, m.shaft_speed - predicted, observer)
     estimate.x[0] = predicted + dw
     estimate.x[1] = _bounded(ship, v + dv, m.shaft_speed)
-    return estimate.x[1], estimate.x[1] == v + dv
+    # a shaft at rest tells nothing about the inflow
+    return estimate.x[1], m.shaft_speed > 1e-3 and estimate.x[1] == v + dv
 
 
 @compiled
@@ -169,4 +170,5 @@ def update_random_walk_kalman_printed(
     dw, dv = _corrected(estimate, 0.0 - predicted, observer)
     estimate.x[0] = predicted + dw
     estimate.x[1] = _bounded(ship, v + dv, m.shaft_speed)
-    return estimate.x[1], estimate.x[1] == v + dv
+    # a shaft at rest tells nothing about the inflow
+    return estimate.x[1], m.shaft_speed > 1e-3 and estimate.x[1] == v + dv

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from .dynamics import State
-from .ship import DcMotor, Ship, TorqueSource
+from .ship import Ship
+from .ship_sections import DcMotor, TorqueSource
 from .signals import SIGNALS
 from .simulation import Schedule, simulate
 from .steady_state import equilibrium

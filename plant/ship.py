@@ -1,8 +1,4 @@
-"""Ships as data: TOML files, validated, and turned into the record that the kernels take.
-
-Every number of a ship stands once below: its TOML key (with unit), allowed range, neutral value where
-it is an effect that a ship may or may not have, and the name of its field in the kernels' record.
-"""
+"""Ships as data: TOML files, validated, and turned into the record that the kernels take."""
 
 from __future__ import annotations
 
@@ -11,297 +7,41 @@ import math
 import tomllib
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic.fields import FieldInfo
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from . import four_quadrant, prime_mover, propeller
-
-INF = math.inf
+from .ship_sections import (
+    INF,
+    DcMotor,
+    Diesel,
+    Hull,
+    Integration,
+    PitchActuator,
+    Propeller,
+    Section,
+    Sensors,
+    TorqueSource,
+    Transmission,
+    Ventilation,
+    Water,
+    allowed_range,
+    record_field,
+    unit_of,
+)
 
 
 class ShipError(ValueError):
     """A ship that cannot be used; the message names file, key, unit and allowed range."""
 
 
-def _number(description: str, unit: str = "-", *, record: str, **limits: Any) -> Any:
-    """A number of a ship: unit, allowed range, and its field in the kernels' record."""
-    return Field(
-        description=description, json_schema_extra={"unit": unit, "record": record}, **limits
-    )
-
-
-def _effect(
-    neutral: float, description: str, unit: str = "-", *, record: str, **limits: Any
-) -> Any:
-    """A number whose ``neutral`` value means that the effect is absent."""
-    return _number(description, unit, record=record, default=neutral, **limits)
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-
-class Water(_Section):
-    """The water that the ship sails in."""
-
-    density_kg_m3: float = _number("density", "kg/m3", record="density", ge=990, le=1035)
-
-
-class Hull(_Section):
-    """Surge dynamics, resistance and wake."""
-
-    fixed: bool = Field(False, description="held at its place, as in a bollard pull or on a bench")
-    mass_kg: float = _number("mass with added mass", "kg", record="mass", gt=0, le=1e9, default=1.0)
-    resistance_coefficient_N_s2_m2: float = _number(
-        "R = c1 v^2", "N s2/m2", record="resistance_coefficient", ge=0, le=1e7, default=0.0
-    )
-    thrust_deduction: float = _number("t", record="thrust_deduction", ge=-0.2, lt=0.6, default=0.0)
-    wake_fraction: float = _number("w", record="wake_fraction", ge=-0.2, lt=0.6, default=0.0)
-    propellers: int = Field(1, ge=1, le=8, description="number of equal propellers k_p")
-    fouling_fraction: float = _effect(
-        0.0, "added share of the resistance", record="hull_fouling", ge=-0.5, le=3
-    )
-    current_m_s: float = _effect(
-        0.0, "current along the track, positive from astern", "m/s", record="current", ge=-5, le=5
-    )
-    wake_slope_s_m: float = _effect(
-        0.0, "change of wake fraction with speed", "s/m", record="wake_slope", ge=-0.2, le=0.2
-    )
-    wake_reference_speed_m_s: float = _number(
-        "speed at which the wake fraction is w", "m/s", record="wake_reference_speed",
-        ge=0, le=40, default=0.0,
-    )  # fmt: skip
-
-
-class Propeller(_Section):
-    """Open-water curves and what may be lost from them."""
-
-    model: Literal["b-series", "four-quadrant", "bollard"] = "b-series"
-    diameter_m: float = _number("diameter D", "m", record="diameter", gt=0, le=15)
-    blades: int = Field(4, ge=2, le=7, description="number of blades Z")
-    expanded_area_ratio: float = Field(0.7, ge=0.3, le=1.05, description="EAR")
-    pitch_ratio_min: float = _number(
-        "lowest P/D; equal to the highest for a fixed-pitch propeller", record="pitch_ratio_min",
-        ge=-1.6, le=1.6, default=1.0,
-    )  # fmt: skip
-    pitch_ratio_max: float = _number(
-        "highest P/D", record="pitch_ratio_max", ge=-1.6, le=1.6, default=1.0
-    )
-    relative_rotative_efficiency: float = _number(
-        "eta_r", record="relative_rotative_efficiency", gt=0.5, lt=1.5, default=1.0
-    )
-    depth_m: float = _number("depth of the centre", "m", record="depth", ge=0, le=30, default=4.0)
-    thrust_coefficient: float = Field(0.0, ge=0, le=2, description="KT at J = 0 (bollard)")
-    torque_coefficient: float = Field(0.0, ge=0, le=1, description="KQ at J = 0 (bollard)")
-    roughness_drag: float = _effect(
-        0.0, "added blade drag coefficient", record="propeller_roughness", ge=0, le=0.05
-    )
-    entrained_inertia_kg_m2: float = _effect(
-        0.0, "inertia of entrained water", "kg m2", record="entrained_inertia", ge=0, le=1e7
-    )
-    inflow_lag_s: float = _effect(
-        0.0, "first-order lag of the inflow", "s", record="inflow_lag", ge=0, le=60
-    )
-    cavitation_breakdown: float = _effect(
-        0.0, "thrust lost per unit deficit of cavitation number", record="cavitation_breakdown",
-        ge=0, le=3,
-    )  # fmt: skip
-    cavitation_onset_number: float = _number(
-        "sigma_n at which breakdown begins", record="cavitation_onset_number",
-        gt=0, le=50, default=1.0,
-    )  # fmt: skip
-    cavitation_torque_share: float = _number(
-        "torque loss / thrust loss", record="cavitation_torque_share", ge=0, le=1, default=0.8
-    )
-
-
-class Ventilation(_Section):
-    """Ventilation of the propeller; absent while both losses are 0."""
-
-    thrust_loss: float = _effect(
-        0.0, "share of thrust lost", record="ventilation_thrust_loss", ge=0, le=0.95
-    )
-    torque_loss: float = _effect(
-        0.0, "share of torque lost", record="ventilation_torque_loss", ge=0, le=0.95
-    )
-    onset_submergence: float = _number(
-        "h/R of onset", record="ventilation_onset_submergence", ge=-1, le=5, default=1.0
-    )
-    recovery_submergence: float = _number(
-        "h/R of recovery", record="ventilation_recovery_submergence", ge=-1, le=6, default=1.3
-    )
-    loading_gain: float = _number(
-        "h/R added per unit KT", record="ventilation_loading_gain", ge=0, le=10, default=0.0
-    )
-    growth_time_s: float = _number(
-        "time constant of growth", "s", record="ventilation_growth_time", ge=0.05, le=20,
-        default=0.5,
-    )  # fmt: skip
-    washout_time_s: float = _number(
-        "time constant of recovery", "s", record="ventilation_washout_time", ge=0.05, le=60,
-        default=1.5,
-    )  # fmt: skip
-
-
-class Diesel(_Section):
-    """Diesel engine by its fuel rack map M_b = a omega_e + b X + c."""
-
-    type: Literal["diesel"]
-    torque_per_speed_N_m_s_rad: float = _number(
-        "a", "N m s/rad", record="torque_per_speed", ge=-1e5, le=0
-    )
-    torque_per_rack_N_m_mm: float = _number("b", "N m/mm", record="torque_per_rack", gt=0, le=1e6)
-    torque_offset_N_m: float = _number("c", "N m", record="torque_offset", ge=-1e6, le=1e6)
-    rack_max_mm: float = _number("end stop of the rack", "mm", record="drive_max", gt=0, le=200)
-    speed_min_rpm: float = Field(ge=0, le=3000, description="lowest running speed")
-    speed_max_rpm: float = Field(gt=0, le=5000, description="highest running speed")
-    torque_limit_N_m: float = _number(
-        "highest brake torque", "N m", record="torque_limit", gt=0, default=INF
-    )
-    torque_limit_at_min_speed_N_m: float = _number(
-        "brake torque limit at the lowest speed", "N m", record="torque_limit_idle", gt=0,
-        default=INF,
-    )  # fmt: skip
-    torque_limit_slope_N_m_s_rad: float = _number(
-        "rise of the limit with engine speed", "N m s/rad", record="torque_limit_slope",
-        ge=0, le=1e6, default=0.0,
-    )  # fmt: skip
-    lag_s: float = _effect(
-        0.0, "first-order lag of the torque", "s", record="engine_lag", ge=0, le=30
-    )
-    dead_time_s: float = _effect(
-        0.0, "delay of the rack's demand", "s", record="engine_dead_time", ge=0, le=6
-    )
-    rack_rate_limit_mm_s: float = _effect(
-        INF, "fastest travel of the rack", "mm/s", record="rack_rate_limit", gt=0
-    )
-    derating_fraction: float = _effect(
-        0.0, "share of torque lost", record="derating", ge=-0.5, le=0.9
-    )
-    torque_curvature_N_m_s2_rad2: float = _effect(
-        0.0, "bend of the map's lines over engine speed", "N m s2/rad2", record="torque_curvature",
-        ge=-1e4, le=1e4,
-    )  # fmt: skip
-    torque_curvature_speed_rad_s: float = _number(
-        "engine speed about which they bend", "rad/s", record="torque_curvature_speed",
-        ge=0, le=500, default=0.0,
-    )  # fmt: skip
-
-    @model_validator(mode="after")
-    def _speeds_in_order(self) -> Diesel:
-        if self.speed_min_rpm >= self.speed_max_rpm:
-            raise ValueError("speed_min_rpm must be below speed_max_rpm")
-        return self
-
-
-class DcMotor(_Section):
-    """Direct-current motor driven by a voltage."""
-
-    type: Literal["dc-motor"]
-    motor_constant_V_s_rad: float = _number(
-        "K_e, back-EMF and torque constant", "V s/rad = N m/A", record="motor_constant",
-        gt=0, le=1e3,
-    )  # fmt: skip
-    armature_resistance_ohm: float = _number(
-        "R_a", "ohm", record="armature_resistance", gt=0, le=1e4
-    )
-    armature_inductance_H: float = _number(
-        "L_a; 0 leaves the current without dynamics", "H", record="armature_inductance",
-        ge=0, le=100, default=0.0,
-    )  # fmt: skip
-    voltage_max_V: float = _number("supply limit", "V", record="drive_max", gt=0, le=1e5)
-
-
-class TorqueSource(_Section):
-    """Drive that delivers the torque that it is told."""
-
-    type: Literal["torque-command"]
-    torque_max_N_m: float = _number("torque limit", "N m", record="drive_max", gt=0, le=1e8)
-
-
-class Transmission(_Section):
-    """Gearbox, inertias on either side of the torque gauge, friction."""
-
-    gear_ratio: float = _number("engine speed / shaft speed", record="gear_ratio", gt=0, le=100)
-    efficiency: float = _number("eta_trm", record="transmission_efficiency", gt=0.3, le=1)
-    inertia_engine_side_kg_m2: float = _number(
-        "I_L, at the propeller shaft", "kg m2", record="inertia_engine_side", gt=0, le=1e9
-    )
-    inertia_propeller_side_kg_m2: float = _number(
-        "I_R", "kg m2", record="inertia_propeller_side", ge=0, le=1e9
-    )
-    coulomb_friction_engine_side_N_m: float = _effect(
-        0.0, "Coulomb friction before the gauge, at the propeller shaft", "N m",
-        record="coulomb_engine_side", ge=0, le=1e7,
-    )  # fmt: skip
-    viscous_friction_engine_side_N_m_s_rad: float = _effect(
-        0.0, "viscous friction before the gauge", "N m s/rad", record="viscous_engine_side",
-        ge=0, le=1e7,
-    )  # fmt: skip
-    coulomb_friction_propeller_side_N_m: float = _effect(
-        0.0, "Coulomb friction behind the gauge", "N m", record="coulomb_propeller_side",
-        ge=0, le=1e7,
-    )  # fmt: skip
-    viscous_friction_propeller_side_N_m_s_rad: float = _effect(
-        0.0, "viscous friction behind the gauge", "N m s/rad", record="viscous_propeller_side",
-        ge=0, le=1e7,
-    )  # fmt: skip
-
-
-class PitchActuator(_Section):
-    """Hydraulic pitch mechanism, first order."""
-
-    time_constant_s: float = _number(
-        "tau_p", "s", record="pitch_time_constant", ge=0.05, le=100, default=2.0
-    )
-    dead_band: float = _effect(
-        0.0, "P/D error that does not move it (half width)", record="pitch_dead_band", ge=0, le=0.5
-    )
-    backlash: float = _effect(
-        0.0, "play between actuator and blade (full width)", record="pitch_backlash", ge=0, le=0.5
-    )
-    rate_limit_per_s: float = _effect(
-        INF, "fastest change of P/D", "1/s", record="pitch_rate_limit", gt=0
-    )
-    offset: float = _effect(
-        0.0, "P/D reached minus P/D commanded", record="pitch_actuator_offset", ge=-0.5, le=0.5
-    )
-
-
-class Sensors(_Section):
-    """Systematic errors of the instruments (noise is added where measurements are used)."""
-
-    pitch_offset: float = _effect(
-        0.0, "P/D read minus P/D", record="pitch_sensor_offset", ge=-0.5, le=0.5
-    )
-    torque_bias_N_m: float = _effect(
-        0.0, "torque read at no torque", "N m", record="torque_sensor_bias", ge=-1e7, le=1e7
-    )
-    torque_gain: float = _effect(
-        1.0, "torque read per torque", record="torque_sensor_gain", gt=0, le=3
-    )
-    torque_delay_s: float = _effect(
-        0.0, "delay of the torque signal", "s", record="torque_sensor_delay", ge=0, le=6
-    )
-    speed_log_lag_s: float = _effect(
-        0.0, "first-order lag of the speed log", "s", record="speed_log_lag", ge=0, le=600
-    )
-
-
-class Integration(_Section):
-    """Fixed-step integration."""
-
-    time_step_s: float = _number("RK4 step", "s", record="time_step", gt=0, le=0.5, default=0.05)
-
-
 HISTORY = 128
 """Samples that a delay can look back."""
 
 
-class Ship(_Section):
+class Ship(Section):
     """A ship: everything that the plant needs to know, immutable.
 
     Use :func:`load_ship` to get one, :meth:`with_values` to vary it, :meth:`record` for the kernels.
@@ -321,8 +61,6 @@ class Ship(_Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Ship:
-        if self.propeller.pitch_ratio_min > self.propeller.pitch_ratio_max:
-            raise ValueError("propeller.pitch_ratio_min must not exceed propeller.pitch_ratio_max")
         step = self.integration.time_step_s
         longest = step * (HISTORY - 2)
         delays = {"sensors.torque_delay_s": self.sensors.torque_delay_s}
@@ -375,7 +113,7 @@ class Ship(_Section):
         record = np.zeros(1, PLANT)[0]
         for section in self._sections():
             for key, info in type(section).model_fields.items():
-                field = _record_field(info)
+                field = record_field(info)
                 if field is not None:
                     record[field] = getattr(section, key)
         screw = self.propeller
@@ -415,24 +153,22 @@ class Ship(_Section):
         ]
 
 
-def _record_field(info: FieldInfo) -> str | None:
-    extra = info.json_schema_extra
-    return str(extra["record"]) if isinstance(extra, dict) and "record" in extra else None
-
-
 def _section_types() -> list[type[BaseModel]]:
-    movers = list(get_args(get_args(Ship.model_fields["prime_mover"].annotation)[0])) or list(
-        get_args(Ship.model_fields["prime_mover"].annotation)
-    )
-    others = [info.annotation for info in Ship.model_fields.values()]
-    return [t for t in (*others, *movers) if isinstance(t, type) and issubclass(t, BaseModel)]
+    """All sections that a ship may have, each kind of prime mover included."""
+    kinds = [k for info in Ship.model_fields.values() for k in _kinds(info.annotation)]
+    return [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
+
+
+def _kinds(annotation: Any) -> tuple[Any, ...]:
+    """Members of a union, or the one type itself."""
+    return get_args(annotation) or (annotation,)
 
 
 def _plant_dtype() -> np.dtype[Any]:
     names: dict[str, None] = {}
     for section in _section_types():
         for info in section.model_fields.values():
-            field = _record_field(info)
+            field = record_field(info)
             if field is not None:
                 names[field] = None
     derived = ["propellers", "blade_solidity", "drive_min", "engine_speed_min", "engine_speed_max"]
@@ -511,6 +247,31 @@ def _validated(tree: dict[str, Any], source: str) -> Ship:
         raise ShipError("\n".join(lines)) from None
 
 
+def ship_keys() -> list[tuple[str, str, str, str, str]]:
+    """Every key of a ship file: dotted name, unit, allowed range, default, description."""
+    rows = []
+    for section, info in Ship.model_fields.items():
+        options = _kinds(info.annotation)
+        for kind in (k for k in options if isinstance(k, type) and issubclass(k, BaseModel)):
+            for key, field in kind.model_fields.items():
+                label = f"{section}.{key}"
+                if len(options) > 1 and key != "type":
+                    label += f" ({get_args(kind.model_fields['type'].annotation)[0]})"
+                names = [str(a) for a in get_args(field.annotation) if isinstance(a, str)]
+                allowed = ", ".join(names) or ("true, false" if field.annotation is bool else "")
+                default = "required" if field.is_required() else f"{field.default}"
+                rows.append(
+                    (
+                        label,
+                        unit_of(field),
+                        allowed or allowed_range(field),
+                        default,
+                        field.description or "",
+                    )
+                )
+    return rows
+
+
 def _explained(item: dict[str, Any]) -> str:
     """One pydantic error as a sentence with key, unit, given value and allowed range."""
     tags = {"diesel", "dc-motor", "torque-command"}
@@ -524,23 +285,15 @@ def _explained(item: dict[str, Any]) -> str:
         ),
         None,
     )
-    unit = ""
     allowed = ""
     if info is not None:
-        extra = info.json_schema_extra
-        unit = str(extra.get("unit", "-")) if isinstance(extra, dict) else "-"
-        bounds = [
-            f"{sign} {getattr(m, name):g}"
-            for m in info.metadata
-            for name, sign in (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"))
-            if getattr(m, name, None) is not None
-        ]
-        allowed = f" (unit {unit}; allowed: {' and '.join(bounds) or 'any number'})"
+        allowed = f" (unit {unit_of(info)}; allowed: {allowed_range(info)})"
     kind = item["type"]
     if kind == "missing":
         return f"{key} is missing{allowed}"
     if kind == "extra_forbidden":
         return f"{key} is not a known key"
     if kind == "value_error":
-        return str(item["ctx"]["error"])
+        section = ".".join(str(part) for part in item["loc"] if part not in tags)
+        return f"{section}: {item['ctx']['error']}" if section else str(item["ctx"]["error"])
     return f"{key} = {item.get('input')!r}: {item['msg'].lower()}{allowed}"

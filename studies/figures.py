@@ -118,7 +118,8 @@ def bode(systems: dict[str, control.StateSpace], title: str) -> Figure:
     """Gains from every input to every output (thesis Figures 2-5 and 2-6).
 
     Args:
-        systems: linear models by label, from :func:`shaftline.plant.linearise`.
+        systems: linear models by label, all with the same inputs and outputs; names are taken
+            from the first.
         title: of the figure.
 
     """
@@ -138,7 +139,8 @@ def bode(systems: dict[str, control.StateSpace], title: str) -> Figure:
     for i, output in enumerate(outputs):
         axes[i, 0].set_ylabel(f"{output.replace('_', ' ')}\n[dB]", fontsize=8)
     for j, name in enumerate(inputs):
-        axes[0, j].set_title(f"from {name.replace('_', ' ')}", fontsize=9)
+        top = next(axis for axis in axes[:, j] if axis.lines)
+        top.set_title(f"from {name.replace('_', ' ')}", fontsize=9)
         axes[-1, j].set_xlabel("frequency [rad/s]", fontsize=8)
     for axis in axes.flat:
         axis.tick_params(labelsize=7)

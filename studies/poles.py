@@ -61,7 +61,8 @@ def reduced(system: control.StateSpace) -> tuple[list[float], list[float], float
     return sorted((p.real for p in poles), key=abs), sorted((z.real for z in zeros), key=abs), gain
 
 
-def _numbers(text: Any) -> list[float]:
+def sorted_numbers(text: Any) -> list[float]:
+    """Numbers of a printed cell, by size."""
     if not isinstance(text, str) or not text.strip():
         return [float(text)] if isinstance(text, float) and np.isfinite(text) else []
     return sorted((float(part) for part in text.split(",")), key=abs)
@@ -96,9 +97,9 @@ def plant_transfers(ship: Ship) -> pd.DataFrame:
                     "transfer": f"{output} / {source}",
                     "point": point,
                     "poles": _shown(poles),
-                    "poles_thesis": _shown(_numbers(line["poles_rad_s"])),
+                    "poles_thesis": _shown(sorted_numbers(line["poles_rad_s"])),
                     "zeros": _shown(zeros),
-                    "zeros_thesis": _shown(_numbers(line["zeros_rad_s"])),
+                    "zeros_thesis": _shown(sorted_numbers(line["zeros_rad_s"])),
                     "gain": gain,
                     "gain_thesis": thesis_gain,
                     "gain_difference_percent": difference,

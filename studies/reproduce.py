@@ -10,8 +10,8 @@ from typing import Any
 import pandas as pd
 
 from ..observers import follow, get_observer, readings_of
-from ..plant import load_ship
-from . import figures, poles, sensitivity, snr, vaf, working_points
+from ..plant import linearise, load_ship
+from . import figures, load_cases, poles, sensitivity, snr, vaf, verification, working_points
 from .load_cases import CASES
 from .metrics import variance_accounted_for
 from .tables import markdown, reasons_text, side_by_side, write_table
@@ -60,6 +60,8 @@ def reproduce_working_points(folder: Path, tick: Tick) -> Reproduced:
 def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
     """Tables 2-2 to 2-14, 3-5 and 3-9; Figure 2-5."""
     plant, observers = poles.compared()
+    frigate = load_ship("frigate")
+    point, middle = verification.mid_range_point(frigate), verification.mid_range(frigate)
     tick()
     title = "Poles, zeros and steady gains (Tables 2-2 to 2-14, 3-5, 3-9)"
     shown = plant.drop(columns="why")
@@ -70,14 +72,30 @@ def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
     body = (
         f"{markdown(shown, 4)}\n\nWhere gains differ by more than 2 %, and why:\n\n{reasons}\n\n"
         f"## Observers\n\n{markdown(observers)}\n\n"
-        "Tables 2-15 to 2-23 belong to a working point that the thesis does not print. Tables 3-11 "
-        "to 3-14 print poles of 1e-10 rad/s with gains of 1e16, numbers at the edge of rounding, and "
-        "are not reproduced.\n\n![Bode plot](figures/bode.png)\n"
+        "Tables 3-11 to 3-14 print poles of 1e-10 rad/s with gains of 1e16, numbers at the edge of "
+        "rounding, and are not reproduced.\n\n"
+        "## The mid-range point (Tables 2-16 to 2-23)\n\n"
+        f"The thesis does not print this point. Its two gains from the rack are met at X = "
+        f"{point.inputs.drive:.2f} mm, P/D = {point.state.pitch_ratio:.3f} "
+        f"({point.state.shaft_speed:.2f} rad/s, {point.state.ship_speed:.2f} m/s); everything else in "
+        "this table is then a prediction. From the pitch to the shaft speed our gain is that of "
+        "Vrijdag & Stapersma, not the thesis's; from the pitch to the ship speed it differs from both, "
+        "even in sign: a shaft that the pitch slows takes less power from an engine whose torque "
+        "hardly changes.\n\n"
+        f"{markdown(middle)}\n\n"
+        "![Bode plot at A to D](figures/bode.png)\n\n"
+        "![Bode plot at the mid-range point](figures/bode-mid-range.png)\n"
     )
     write_table(folder, "poles", title, "shaftline reproduce poles", plant, body)
     figures.save(
-        figures.bode(poles.models(load_ship("frigate")), "Linear frigate at A to D (Figure 2-5)"),
+        figures.bode(poles.models(frigate), "Linear frigate at A to D (Figure 2-5)"),
         folder / "figures" / "bode.png",
+    )
+    at_point = {"ours": linearise(frigate, point, outputs=("shaft_speed", "ship_speed"))}
+    at_point |= {name: verification.printed_model(name) for name in verification.SOURCES}
+    figures.save(
+        figures.bode(at_point, "Linear frigate at the mid-range point (Figure 2-6)"),
+        folder / "figures" / "bode-mid-range.png",
     )
     numbers = {
         f"{r.table} {r.point}": {"gain": float(r.gain), "gain_thesis": float(r.gain_thesis)}
@@ -91,7 +109,13 @@ def reproduce_vaf(folder: Path, tick: Tick) -> Reproduced:
     comparison = vaf.compared(tick)
     extra = (
         f"\nThe sea's column is the mean of {vaf.SEA_SEEDS} seeds. `random-walk-kalman` is the filter "
-        "as printed; `random-walk-kalman-extended` is ours, which keeps its own shaft speed.\n"
+        "as printed; `random-walk-kalman-extended` is ours, which keeps its own shaft speed.\n\n"
+        "The scores of the two steps hang on the record's length, which the thesis does not print; "
+        f"ours are {load_cases.RACK_STEP_DURATION:g} s and {load_cases.PITCH_STEP_DURATION:g} s, "
+        "chosen to meet three printed scores (rack step: Luenberger low; pitch step: I&I low and "
+        "random-walk Kalman). The other scores of these columns follow without a choice. Likewise "
+        "assumed: the resistance sine's amplitude, 0.25.\n\n"
+        "Time traces: " + ", ".join(f"[{r}](figures/traces-{r}.png)" for r in vaf.ROWS) + "\n"
     )
     result = _finished("vaf", "Variance accounted for, % (Table 4-1)", comparison, folder, 2, extra)
     _draw_traces(folder / "figures")

@@ -31,13 +31,14 @@ REASONS = {
     (
         "*",
         "*",
-    ): "within about 2 dB: the thesis inverts KQ by a coarse table, which rounds large noise "
-    "away, and discretises its filters in a way that it does not state",
+    ): "within about 2 dB; probably the thesis's coarse inverse table, which cannot follow large "
+    "noise, and the unknown discretisation of its filters",
     (
         "random-walk-kalman",
         "*",
     ): "the printed filter acts as a power balance and here needs the same "
-    "SNR as that; the thesis's re-linearises on a coarse table of slopes, which smooths",
+    "SNR as that; the thesis's is 1.3 dB better than its power balance, for a reason that it does not "
+    "give",
 }
 
 

@@ -6,14 +6,15 @@ say more than the numbers.
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+import pandas as pd
 from scipy.integrate import solve_ivp
 
 from ..observers import get_observer
@@ -21,10 +22,12 @@ from ..observers.base import ESTIMATE, OBSERVER
 from ..observers.sailing import sail
 from ..plant import equilibrium, get_sea, load_ship, realise
 from ..plant.dynamics import MEMORY, STATE, State, evaluate
+from ..plant.files import write_text
 from ..plant.ship import PLANT
 from ..plant.simulation import advance, prepare
 from ..plant.steady_state import steady_inputs
 from ..plant.waves import SEA, field
+from .tables import markdown
 
 BATCH, STEPS, REPEATS = 256, 100, 15
 
@@ -128,16 +131,22 @@ def measure() -> list[tuple[str, float]]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure, print, and write a Markdown table where ``--out FILE`` is given."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, help="Markdown file for the table")
+    out = parser.parse_args().out
     rows = measure()
     cart_pole = rows[-1][1]
-    table = Table(title="RK4 steps of 0.05 s per second on one core (best of several runs)")
-    table.add_column("what")
-    table.add_column("steps/s", justify="right")
-    table.add_column("/ CartPole", justify="right")
-    for label, rate in rows:
-        table.add_row(label, f"{rate:,.0f}", f"{rate / cart_pole:.1f}")
-    Console().print(table)
+    title = "RK4 steps of 0.05 s per second on one core (best of several runs)"
+    frame = pd.DataFrame(
+        [(label, f"{rate:,.0f}", f"{rate / cart_pole:.1f}") for label, rate in rows],
+        columns=["what", "steps/s", "per CartPole step"],
+    )
+    text = markdown(frame)
+    print(f"{title}\n\n{text}")
+    if out is not None:
+        command = "python -m shaftline.studies.speed"
+        write_text(out, f"# Speed\n\nMade by `{command}`. {title}.\n\n{text}\n")
 
 
 if __name__ == "__main__":

@@ -85,6 +85,8 @@ def side_by_side(comparison: pd.DataFrame, digits: int = 2) -> pd.DataFrame:
     """Rows and columns of the published table, each cell as ``ours (thesis)``."""
 
     def both(cell: Any) -> str:
+        if pd.isna(cell.ours):
+            return "–"
         if pd.isna(cell.thesis):
             return f"{cell.ours:.{digits}f}"
         return f"{cell.ours:.{digits}f} ({cell.thesis:.{digits}f})"

@@ -93,6 +93,18 @@ class DriveTrain:
     sentences: list[str]
     figure: Figure
 
+    @property
+    def gains(self) -> pd.DataFrame:
+        """Gains of the frequency response, measured beside each parameter set's."""
+        columns: dict[str, object] = {}
+        for quantity in ("speed", "current"):
+            for model, lines in self.response.groupby("model", sort=False):
+                columns["rad/s"] = lines["frequency_rad_s"].to_numpy()
+                columns[f"{quantity}, measured"] = lines[f"{quantity}_gain_measured"].to_numpy()
+                short = str(model).removeprefix("tito-neri-")
+                columns[f"{quantity}, {short}"] = lines[f"{quantity}_gain"].to_numpy()
+        return pd.DataFrame(columns)
+
 
 def meet_the_drive_train() -> DriveTrain:
     """Simulate Tito Neri at the measured voltages with both published parameter sets."""

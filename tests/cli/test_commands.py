@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.plant import equilibrium, load_ship
+from shaftline.studies.load_cases import CASES
+
+from .conftest import Command
+
+RECORDED = [
+    "time_s", "fuel_rack_mm", "pitch_ratio_command", "pitch_ratio", "shaft_speed_rad_s",
+    "shaft_torque_N_m", "ship_speed_m_s",
+]  # fmt: skip
+
+
+def recording(folder: Path, **changes: object) -> Path:
+    """A minute at 10 Hz: the rack steps from 20 to 25 mm after 10 s."""
+    time = np.arange(600) * 0.1
+    table = pd.DataFrame(
+        {
+            "time_s": time,
+            "fuel_rack_mm": np.where(time < 10.0, 20.0, 25.0),
+            "pitch_ratio_command": 1.2,
+        }
+    )
+    for column, (row, value) in changes.items():  # type: ignore[misc]
+        table[column] = table[column].astype(object)
+        table.loc[row, column] = value
+    path = folder / "recording.csv"
+    table.to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize("command", [(), ("tour",), ("simulate",), ("reproduce",), ("list",)])
+def test_help_teaches(shaftline: Command, command: tuple[str, ...]) -> None:
+    result = shaftline(*command, "--help")
+    assert result.exit_code == 0
+    assert len(result.output.splitlines()) > 5
+
+
+def test_list_names_what_there_is(shaftline: Command) -> None:
+    output = shaftline("list").output
+    for name in ("frigate", "tito-neri-sine", "state-5", "jonswap", "immersion-invariance-high"):
+        assert name in output
+
+
+def test_tour_writes_its_pictures(shaftline: Command, tmp_path: Path) -> None:
+    result = shaftline("tour", "--out", tmp_path)
+    assert result.exit_code == 0
+    assert (tmp_path / "seaway.png").stat().st_size > 20_000
+    assert (tmp_path / "tito-neri.png").stat().st_size > 20_000
+    assert "balance differs most" in result.output
+
+
+def test_simulate_drives_a_ship_with_a_recording(shaftline: Command, tmp_path: Path) -> None:
+    result = shaftline(
+        "simulate", "--ship", "frigate", "--inputs", recording(tmp_path), "--out", tmp_path / "s.csv"
+    )
+    assert result.exit_code == 0
+    table = pd.read_csv(tmp_path / "s.csv")
+    assert list(table.columns) == RECORDED
+    assert len(table) == 600
+    start = equilibrium(load_ship("frigate"), 20.0, 1.2)
+    assert table["shaft_speed_rad_s"][:100].to_numpy() == pytest.approx(start.state.shaft_speed)
+    assert table["shaft_speed_rad_s"].iloc[-1] > 1.05 * start.state.shaft_speed
+    # the torque follows the rack at once, the speed does not
+    assert table["shaft_torque_N_m"][100] > 1.05 * table["shaft_torque_N_m"][99]
+
+
+def test_simulate_starts_where_the_recording_starts(shaftline: Command, tmp_path: Path) -> None:
+    path = recording(tmp_path)
+    table = pd.read_csv(path).assign(pitch_ratio=1.0, shaft_speed_rad_s=8.0, ship_speed_m_s=6.0)
+    table.to_csv(path, index=False)
+    shaftline("simulate", "--inputs", path, "--out", tmp_path / "s.csv")
+    first = pd.read_csv(tmp_path / "s.csv").iloc[0]
+    assert (first["pitch_ratio"], first["shaft_speed_rad_s"], first["ship_speed_m_s"]) == (1, 8, 6)
+
+
+def test_simulating_the_output_again_gives_it_again(shaftline: Command, tmp_path: Path) -> None:
+    first, second = tmp_path / "1.csv", tmp_path / "2.csv"
+    shaftline("simulate", "--inputs", recording(tmp_path), "--out", first)
+    shaftline("simulate", "--inputs", first, "--out", second)
+    pd.testing.assert_frame_equal(pd.read_csv(first), pd.read_csv(second), rtol=1e-6)
+
+
+def test_simulate_drives_a_dc_motor(shaftline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "motor.csv"
+    pd.DataFrame(
+        {"time_s": np.arange(40) * 0.01, "motor_voltage_V": np.repeat([3.91, 7.87], 20),
+         "motor_current_A": 0.0}
+    ).to_csv(path, index=False)  # fmt: skip
+    out = tmp_path / "s.csv"
+    assert (
+        shaftline("simulate", "--ship", "tito-neri-sine", "--inputs", path, "--out", out).exit_code
+        == 0
+    )
+    table = pd.read_csv(out)
+    assert table["motor_current_A"][21] > 2.0 * table["motor_current_A"][20]  # inrush
+    assert table["shaft_speed_rad_s"][39] > 1.5 * table["shaft_speed_rad_s"][20]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_load_case_runs(shaftline: Command, tmp_path: Path, case: str) -> None:
+    out, picture = tmp_path / "case.csv", tmp_path / "case.png"
+    result = shaftline("simulate", "--case", case, "--out", out, "--figure", picture)
+    assert result.exit_code == 0
+    table = pd.read_csv(out)
+    assert np.isfinite(table.to_numpy()).all()
+    assert np.ptp(table["advance_velocity_m_s"]) > 0.1
+    assert picture.stat().st_size > 10_000
+
+
+def test_reproduce_writes_numbers_by_the_published_names(
+    shaftline: Command, tmp_path: Path
+) -> None:
+    out = tmp_path / "numbers.json"
+    result = shaftline("reproduce", "working-points", "--json", out, "--out", tmp_path)
+    assert result.exit_code == 0
+    numbers = json.loads(out.read_text())["working-points"]
+    assert set(numbers) == {"A", "B", "C", "D", "base"}
+    assert numbers["base"]["shaft_speed_rad_s"] == pytest.approx(10.51, abs=0.02)
+    assert numbers["base"]["ship_speed_m_s"] == pytest.approx(8.73, abs=0.04)
+    assert "10.51" in result.output
+    assert (tmp_path / "working-points.md").is_file()
+    assert (tmp_path / "working-points.csv").is_file()
+
+
+def test_reference_page_is_up_to_date(shaftline: Command, tmp_path: Path) -> None:
+    shaftline("list", "--markdown", tmp_path / "reference.md")
+    page = Path(__file__).parents[2] / "docs" / "reference.md"
+    assert page.read_text() == (tmp_path / "reference.md").read_text(), "run `make docs`"

@@ -1,0 +1,118 @@
+"""Our numbers beside the thesis's, within what the thesis's own methods allow."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.plant import load_ship
+from shaftline.studies import poles, sensitivity, snr, vaf, working_points
+from shaftline.studies.metrics import variance_accounted_for, with_noise
+from shaftline.studies.tables import compare, published
+
+
+@pytest.fixture(scope="module")
+def vaf_table() -> pd.DataFrame:
+    return vaf.vaf_table()
+
+
+def test_working_points() -> None:
+    for cell in working_points.compared().dropna().itertuples():
+        lenient = cell.row == "A" and cell.column in ("engine_torque_N_m", "ship_speed_m_s")
+        assert cell.ours == pytest.approx(cell.thesis, rel=0.03 if lenient else 0.015)
+
+
+def test_gains_from_the_fuel_rack_to_the_shaft_speed() -> None:
+    table = poles.plant_transfers(load_ship("frigate"))
+    gains = table[table["table"] == "2-6"]
+    assert len(gains) == 4
+    assert gains["gain_difference_percent"].abs().max() < 2.0
+
+
+def test_steady_gauge_torque_is_the_engines() -> None:
+    """The identity by which the printed rows of M_m can be judged."""
+    table = poles.plant_transfers(load_ship("frigate")).set_index(["transfer", "point"])["gain"]
+    plant = load_ship("frigate").record()
+    slope = plant["torque_per_speed"] * plant["gear_ratio"] ** 2 * plant["transmission_efficiency"]
+    for point in "ABCD":
+        for source in ("pitch_command", "inflow", "resistance_factor"):
+            torque, speed = (
+                table[f"{name} / {source}", point] for name in ("shaft_torque", "shaft_speed")
+            )
+            assert torque == pytest.approx(slope * speed, rel=1e-9)
+
+
+def test_shaft_kalman_poles() -> None:
+    row = poles.observer_transfers(load_ship("frigate")).iloc[0]
+    assert sorted(row["poles"].split(", ")) == ["-10.53+10.41j", "-10.53-10.41j"]
+    assert row["zeros"] == "-10.42"
+
+
+@pytest.mark.parametrize("row", published("advance_velocity_thesis_vaf").index)
+def test_fast_inflow(vaf_table: pd.DataFrame, row: str) -> None:
+    printed = published("advance_velocity_thesis_vaf").loc[row, "inflow_sine_high"]
+    assert vaf_table.loc[row, "inflow_sine_high"] == pytest.approx(printed, abs=1.0)
+
+
+@pytest.mark.parametrize("row", published("advance_velocity_thesis_vaf").index)
+def test_seaway(vaf_table: pd.DataFrame, row: str) -> None:
+    printed = published("advance_velocity_thesis_vaf").loc[row, "jonswap"]
+    ours = vaf_table.loc[row, "jonswap"]
+    assert ours < 5.0 if row == "luenberger-low" else abs(ours - printed) < 1.5
+
+
+@pytest.mark.parametrize("row", ["immersion-invariance-low", "random-walk-kalman"])
+def test_pitch_step_where_no_inverse_table_is_used(vaf_table: pd.DataFrame, row: str) -> None:
+    printed = published("advance_velocity_thesis_vaf").loc[row, "pitch_step"]
+    assert vaf_table.loc[row, "pitch_step"] == pytest.approx(printed, abs=1.0)
+
+
+def test_high_gains_need_less_noise() -> None:
+    needed = snr.snr_at(0.05, seeds=3)
+    assert math.isnan(needed["luenberger-low"])
+    names = [f"immersion-invariance-{tuning}" for tuning in ("low", "moderate", "high")]
+    assert needed[names].is_monotonic_increasing
+    assert needed["luenberger-high"] > needed["luenberger-moderate"] + 5.0
+
+
+@pytest.mark.slow
+def test_the_noise_sample_time_of_the_thesis() -> None:
+    scan = snr.sample_time_scan()
+    assert scan.loc["rms distance to the thesis"].drop("thesis").idxmin() == "0.01 s"
+    assert abs(scan.loc["luenberger-high", "0.01 s"] - 67.6) < 1.0
+
+
+def test_inertia_sensitivity_of_immersion_invariance() -> None:
+    ours = sensitivity.sensitivity_table()
+    printed = published("advance_velocity_thesis_sensitivity")
+    for tuning in ("low", "moderate", "high"):
+        for column in ("inertia_minus_10pct", "inertia_plus_10pct"):
+            row = f"immersion-invariance-{tuning}"
+            assert ours.loc[row, column] == pytest.approx(printed.loc[row, column], abs=0.2)
+    # a power balance knows no inertia
+    assert ours.loc["power-balance", "inertia_plus_10pct"] == 0.0
+
+
+def test_vaf_is_what_it_says() -> None:
+    truth = np.sin(np.arange(1000.0))
+    assert variance_accounted_for(truth, truth + 3.0) == pytest.approx(100.0)
+    assert variance_accounted_for(truth, 0.5 * truth) == pytest.approx(75.0)
+    assert variance_accounted_for(truth, -truth) == 0.0
+
+
+def test_noise_has_the_asked_ratio() -> None:
+    readings = np.tile([10.0, 1e5, 1.4, 0.2, 8.0], (20000, 1))
+    noise = np.random.default_rng(1).standard_normal(readings.shape)
+    added = with_noise(readings, 40.0, noise) - readings
+    ratio = readings[:, :4].std(axis=0) * 0 + readings[0, :4] / added[:, :4].std(axis=0)
+    assert 20.0 * np.log10(ratio) == pytest.approx(40.0, abs=0.1)
+    assert not added[:, 4].any()
+
+
+def test_a_difference_without_a_reason_is_said_so() -> None:
+    ours = pd.DataFrame({"x": [1.0, 5.0]}, index=["a", "b"])
+    theirs = pd.DataFrame({"x": [1.0, 2.0]}, index=["a", "b"])
+    assert list(compare(ours, theirs, {}, 0.5)["why"]) == ["", "not explained"]

@@ -1,0 +1,102 @@
+"""The house itself: who imports whom, what is packaged, which names are registered."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = (
+    "agents", "baselines", "cli", "envs", "mismatch", "observers", "plant", "studies",
+)  # fmt: skip
+MAY_IMPORT: dict[str, set[str]] = {
+    "plant": set(),
+    "observers": {"plant"},
+    "baselines": {"plant", "observers"},
+    "envs": {"plant", "observers", "baselines"},
+    "agents": {"plant", "observers", "baselines", "envs"},
+    "mismatch": {"plant", "observers"},
+    "studies": set(FOLDERS) - {"cli"},
+    "cli": set(FOLDERS),
+}
+
+
+def modules(folder: str) -> list[Path]:
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+def imported_folders(file: Path) -> set[str]:
+    """Folders that a module imports: relatively, or by the package's name."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.level == 2:
+            found |= {node.module.split(".")[0]} if node.module else {a.name for a in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            names = node.module.split(".")
+            if names[0] == "shaftline" and len(names) > 1:
+                found.add(names[1])
+    return found
+
+
+def bare_imports(file: Path) -> set[str]:
+    """Top-level names that a module imports absolutely."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_imports_point_one_way(folder: str) -> None:
+    for file in modules(folder):
+        others = imported_folders(file) - {folder}
+        assert others <= MAY_IMPORT[folder], f"{file} imports {others - MAY_IMPORT[folder]}"
+
+
+@pytest.mark.parametrize("folder", [*FOLDERS, "tests"])
+def test_nobody_imports_a_folder_by_its_bare_name(folder: str) -> None:
+    for file in modules(folder):
+        assert not bare_imports(file) & set(FOLDERS), file
+
+
+def test_no_other_python_file_stands_at_the_root() -> None:
+    assert [file.name for file in ROOT.glob("*.py")] == ["__init__.py"]
+
+
+def test_the_root_init_runs_nothing() -> None:
+    tree = ast.parse((ROOT / "__init__.py").read_text(encoding="utf-8"))
+    assert len(tree.body) == 1
+    assert ast.get_docstring(tree)
+
+
+def test_every_folder_is_packaged() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    listed = settings["tool"]["setuptools"]["packages"]
+    assert sorted(listed) == sorted(["shaftline", *(f"shaftline.{name}" for name in FOLDERS)])
+
+
+def test_the_wheel_holds_only_the_package(tmp_path: Path) -> None:
+    subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", tmp_path, ROOT],
+        check=True,
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    tops = {name.split("/")[0] for name in names}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"shaftline"}
+    for folder in FOLDERS:
+        expected = {f"shaftline/{f.relative_to(ROOT).as_posix()}" for f in modules(folder)}
+        assert expected <= set(names)
+    for data in ("plant/ships/frigate.toml", "plant/seas.toml", "plant/data/b_series_polynomials.csv",
+                 "studies/data/tito_neri_operating_points.csv", "py.typed"):  # fmt: skip
+        assert f"shaftline/{data}" in names
+    assert not [name for name in names if "/tests/" in name or "/docs/" in name]
