@@ -42,7 +42,6 @@ def simulate(
         shaftline simulate --case jonswap --figure run.png --out run.csv
 
         shaftline simulate --ship frigate --inputs voyage.csv --out simulated.csv
-
     """
     with clear_errors():
         if (inputs is None) == (case is None):

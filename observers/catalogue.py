@@ -93,7 +93,6 @@ def get_observer(name: str, tuning: str | None = None) -> Observer:
 
     Raises:
         ObserverError: unknown name or tuning.
-
     """
     if name in _CLASSES:
         cls = _CLASSES[name]
@@ -143,7 +142,6 @@ def update(observer: Record, estimate: Record, m: Measurement) -> float:
         observer: OBSERVER record.
         estimate: ESTIMATE record, changed in place; ``valid`` tells whether to trust the result.
         m: the instruments' readings.
-
     """
     if observer.kind != ORACLE and not is_plausible(m):
         estimate.started = 0
@@ -197,7 +195,6 @@ def follow(
 
     Returns:
         Estimated advance velocity [m/s] and validity, each of shape (n,).
-
     """
     velocity = np.empty(len(readings))
     valid = np.empty(len(readings), dtype=np.bool_)

@@ -36,7 +36,6 @@ def first_order_hold(
     Returns:
         ``transition``, ``before``, ``now`` with x+ = transition x + before u(t) + now u(t + dt)
         (Franklin, Powell & Workman 1998, section 6.3.2: triangle hold), by one matrix exponential.
-
     """
     n, m = b.shape
     block = np.zeros((n + 2 * m, n + 2 * m))

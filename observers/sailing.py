@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from ..plant.compiled import compiled
 from ..plant.simulation import step
-from ..plant.waves import SYNC_STEPS, synchronise
 from .base import Measurement
 from .catalogue import update
 
@@ -24,7 +23,6 @@ def sail(
     estimates: Any,
     drive: NDArray[np.float64],
     pitch_command: NDArray[np.float64],
-    first_step: int,
     steps: int,
     dt: float,
 ) -> None:
@@ -39,18 +37,12 @@ def sail(
         estimates: ESTIMATE array of shape (n,).
         drive: demand on each prime mover [mm | V | N m], shape (n,).
         pitch_command: commanded P/D [-], shape (n,).
-        first_step: steps since time 0, a multiple of ``SYNC_STEPS`` where there is a sea.
         steps: how many to take.
         dt: [s].
-
     """
     for i in range(len(plants)):
-        for k in range(steps):
+        for _ in range(steps):
             state = states[i]
-            if seas[i].present != 0 and k % SYNC_STEPS == 0:
-                synchronise(
-                    seas[i], (first_step + k) * dt, state.position, state.ship_speed, 0.5 * dt
-                )
             shaft_speed = state.shaft_speed
             outputs = step(
                 plants[i],

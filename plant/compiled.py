@@ -27,10 +27,10 @@ def _drop_stale_kernels() -> None:
     """
     house = Path(__file__).resolve().parent.parent
     newest = max(source.stat().st_mtime for source in house.glob("*/*.py"))
-    for index in house.glob("*/__pycache__/*.nbi"):
+    for cached in house.glob("*/__pycache__/*.nb[ic]"):
         with contextlib.suppress(OSError):
-            if index.stat().st_mtime < newest:
-                index.unlink()
+            if cached.stat().st_mtime < newest:
+                cached.unlink()
 
 
 _drop_stale_kernels()

@@ -101,7 +101,6 @@ def evaluate(
         ventilated: on/off state of ventilation.
 
     Constant divisors are written as reciprocals so that one division serves all stages of a step.
-
     """
     # propeller in the wake
     blade = blade_pitch(plant, state.pitch_ratio, blade_before)

@@ -28,7 +28,6 @@ def b4_70_family() -> NDArray[np.float64]:
     Returns:
         Array of shape (6, 31, 4): P/D node, harmonic, (CT cos, CT sin, CQ cos, CQ sin), all [-].
         The table's factors (CT x 100, CQ x 1000 with a minus sign) are removed.
-
     """
     with resources.files("shaftline.plant").joinpath("data/four_quadrant_b_series.csv").open() as f:
         table = pd.read_csv(f)
@@ -76,7 +75,6 @@ def four_quadrant_coefficients(
 
     KT n^2 = CT* (pi/8) ((v_a/D)^2 + (0.7 pi n)^2). The harmonics follow from cos(beta) and
     sin(beta) by rotation, so no angle is ever formed and a complex step passes through.
-
     """
     tangential = 0.7 * math.pi * revolutions
     square = velocity_per_diameter * velocity_per_diameter + tangential * tangential

@@ -19,7 +19,6 @@ def resistance(plant: Record, speed_through_water: Real, resistance_factor: Real
         plant: ship record.
         speed_through_water: [m/s].
         resistance_factor: disturbance d_c1 [-], 1 in calm water.
-
     """
     sign = 1.0 if speed_through_water.real >= 0.0 else -1.0
     factor = resistance_factor * (1.0 + plant.hull_fouling)

@@ -58,7 +58,6 @@ def linearise(
 
     Raises:
         ValueError: an output that does not exist.
-
     """
     known = {*State._fields, *Outputs._fields}
     for name in outputs:

@@ -18,7 +18,6 @@ def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
             ``torque_curvature_speed``, ``derating`` takes away a fraction of the torque.
         engine_speed: omega_e [rad/s].
         fuel_rack: X [mm].
-
     """
     torque = plant.torque_per_speed * engine_speed + plant.torque_per_rack * fuel_rack
     torque = torque + plant.torque_offset

@@ -2,7 +2,7 @@
 
 KT and KQ are polynomials in advance ratio J, pitch ratio P/D, expanded area ratio and blade count
 (Oosterveld & van Oossanen 1975; coefficients as in Bernitsas, Ray & Kinley 1981, Re 2e6). For one
-propeller the last two are constants, so each curve collapses to a 7 x 4 matrix in P/D and J.
+propeller the last two are constants, so each curve collapses to a 5 x 4 matrix in P/D and J.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from .compiled import Real, Record, compiled, compiled_polynomial
 from .four_quadrant import four_quadrant_coefficients
 
-PITCH_POWERS, J_POWERS = 7, 4
+PITCH_POWERS = (0, 1, 2, 3, 6)  # the only ones that the B-series has
+J_POWERS = 4
+CURVE_SHAPE = (len(PITCH_POWERS), J_POWERS)
 
 B_SERIES, FOUR_QUADRANT = 0, 1
 """Codes of ``plant.propeller_model``."""
@@ -50,15 +52,14 @@ def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.
         blades: number of blades Z [-], 2 to 7.
 
     Returns:
-        Matrix of shape (7, 4): entry [k, i] multiplies (P/D)**k J**i.
+        Matrix of shape (5, 4): entry [k, i] multiplies (P/D)**PITCH_POWERS[k] J**i.
 
     Source: Bernitsas, Ray & Kinley 1981, eqs. (1) and (2).
-
     """
-    matrix = np.zeros((PITCH_POWERS, J_POWERS))
+    matrix = np.zeros(CURVE_SHAPE)
     terms = _polynomials()
     for term in terms[terms["curve"] == curve].itertuples():
-        matrix[term.pitch_ratio_power, term.j_power] += (
+        matrix[PITCH_POWERS.index(term.pitch_ratio_power), term.j_power] += (
             term.coefficient
             * expanded_area_ratio**term.expanded_area_ratio_power
             * blades**term.blades_power
@@ -68,7 +69,7 @@ def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.
 
 def constant_coefficient(value: float) -> NDArray[np.float64]:
     """Matrix of a curve that depends on neither J nor P/D (a propeller at bollard pull)."""
-    matrix = np.zeros((PITCH_POWERS, J_POWERS))
+    matrix = np.zeros(CURVE_SHAPE)
     matrix[0, 0] = value
     return matrix
 
@@ -87,11 +88,12 @@ def clip(value: Real, low: float, high: float) -> Real:
 def collapse_pitch(curve: NDArray[np.float64], pitch_ratio: Real) -> tuple[Real, Real, Real, Real]:
     """Coefficients of J**0 .. J**3 at one pitch ratio, by Horner in P/D."""
     p = pitch_ratio
-    c0 = curve[6, 0]
-    c1 = curve[6, 1]
-    c2 = curve[6, 2]
-    c3 = curve[6, 3]
-    for k in range(5, -1, -1):
+    cube = p * p * p
+    c0 = curve[4, 0] * cube + curve[3, 0]
+    c1 = curve[4, 1] * cube + curve[3, 1]
+    c2 = curve[4, 2] * cube + curve[3, 2]
+    c3 = curve[4, 3] * cube + curve[3, 3]
+    for k in range(2, -1, -1):
         c0 = c0 * p + curve[k, 0]
         c1 = c1 * p + curve[k, 1]
         c2 = c2 * p + curve[k, 2]
@@ -129,7 +131,7 @@ def invert_torque_coefficient(
     """Advance ratio J at which KQ(J, P/D) has a given value, by safeguarded Newton.
 
     Args:
-        curve: KQ matrix of shape (7, 4).
+        curve: KQ matrix of shape (5, 4).
         torque_coefficient: KQ [-] to be met.
         pitch_ratio: P/D [-].
         guess: start, for example the previous J.
@@ -137,7 +139,6 @@ def invert_torque_coefficient(
     Returns:
         J [-] and whether it lies inside the curve's falling branch between J = 0 and the largest
         usable J. Outside, J is held at the edge; where the input is not finite, at the guess.
-
     """
     c0, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
     if not (math.isfinite(torque_coefficient) and math.isfinite(c0)):
@@ -213,7 +214,6 @@ def propeller_load(
 
     Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D:
     Delta KT = -0.3 (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.
-
     """
     n = shaft_speed * _REVOLUTIONS_PER_RADIAN
     n2 = n * n

@@ -14,7 +14,7 @@ from .ship import Ship
 from .ship_sections import DcMotor, TorqueSource
 from .signals import SIGNALS
 from .simulation import Schedule, simulate
-from .steady_state import equilibrium
+from .steady_state import equilibrium, steady_inputs, with_lags_settled
 
 TIME = "time_s"
 _MEASURED = {
@@ -62,7 +62,6 @@ def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
         RecordingError: unreadable, a column missing, a value that is no finite number or outside
             its signal's bounds, or a time that does not rise evenly. Rows count from 1 below the
             header.
-
     """
     path = Path(path)
     try:
@@ -134,7 +133,6 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
 
     Raises:
         RecordingError: the ship has no steady state at the first row's demands.
-
     """
     time = recording[TIME].to_numpy()
     period = float(np.median(np.diff(time)))
@@ -163,7 +161,8 @@ def _initial_state(ship: Ship, recording: pd.DataFrame, drive: float, pitch: flo
     measured = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
     if all(column in recording for column in measured):
         first = (float(recording[column].iloc[0]) for column in measured)
-        return State(*first, *(0.0,) * (len(State._fields) - len(measured)))
+        bare = State(*first, *(0.0,) * (len(State._fields) - len(measured)))
+        return with_lags_settled(ship.record(), bare, steady_inputs(drive, pitch))
     try:
         return equilibrium(ship, drive, pitch).state
     except ValueError as error:

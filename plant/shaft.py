@@ -20,7 +20,6 @@ def friction_torque(coulomb: float, viscous: float, shaft_speed: Real) -> Real:
             a shaft can start from rest. Beyond 1 rad/s the two are equal to the last bit.
         viscous: torque per shaft speed [N m s/rad].
         shaft_speed: omega [rad/s].
-
     """
     if coulomb == 0.0 and viscous == 0.0:
         return 0.0

@@ -95,7 +95,6 @@ class Ship(Section):
 
         Raises:
             ShipError: unknown key, or a value out of range.
-
         """
         tree = self.model_dump()
         for dotted, value in values.items():
@@ -129,7 +128,7 @@ class Ship(Section):
         record["four_quadrant_pitch"] = four_quadrant.PITCH_NODES
         if screw.model == "four-quadrant":
             record["propeller_model"] = propeller.FOUR_QUADRANT
-            powers = np.array(four_quadrant.PITCH_NODES)[:, None] ** np.arange(7)
+            powers = np.power.outer(four_quadrant.PITCH_NODES, propeller.PITCH_POWERS)
             record["four_quadrant"] = four_quadrant.scaled_to_bollard(
                 powers @ record["kt"][:, 0], powers @ record["kq"][:, 0]
             )
@@ -172,14 +171,13 @@ def _plant_dtype() -> np.dtype[Any]:
             if field is not None:
                 names[field] = None
     derived = ["propellers", "blade_solidity", "drive_min", "engine_speed_min", "engine_speed_max"]
-    matrix = (propeller.PITCH_POWERS, propeller.J_POWERS)
     nodes = len(four_quadrant.PITCH_NODES)
     return np.dtype(
         [(name, np.float64) for name in (*names, *derived)]
         + [(name, np.int64) for name in ("propeller_model", "prime_mover", "hull_fixed")]
         + [
-            ("kt", np.float64, matrix),
-            ("kq", np.float64, matrix),
+            ("kt", np.float64, propeller.CURVE_SHAPE),
+            ("kq", np.float64, propeller.CURVE_SHAPE),
             ("four_quadrant_pitch", np.float64, (nodes,)),
             ("four_quadrant", np.float64, (nodes, four_quadrant.HARMONICS, 4)),
         ],
@@ -212,7 +210,6 @@ def load_ship(ship: str | Path | Ship) -> Ship:
     Raises:
         ShipError: unknown name, unreadable file, or a value that is missing, unknown, of the wrong
             type or out of range; the message names file, key, unit and allowed range.
-
     """
     if isinstance(ship, Ship):
         return ship

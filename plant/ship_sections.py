@@ -51,14 +51,16 @@ def _require(section: BaseModel, keys: tuple[str, ...], because: str) -> None:
 class Hull(Section):
     """Surge dynamics, resistance and wake."""
 
-    fixed: bool = Field(False, description="held at its place, as in a bollard pull or on a bench")
+    fixed: bool = Field(
+        default=False, description="held at its place, as in a bollard pull or on a bench"
+    )
     mass_kg: float = _number("mass with added mass", "kg", record="mass", gt=0, le=1e9, default=1.0)
     resistance_coefficient_N_s2_m2: float = _number(
         "R = c1 v^2", "N s2/m2", record="resistance_coefficient", ge=0, le=1e7, default=0.0
     )
     thrust_deduction: float = _number("t", record="thrust_deduction", ge=-0.2, lt=0.6, default=0.0)
     wake_fraction: float = _number("w", record="wake_fraction", ge=-0.2, lt=0.6, default=0.0)
-    propellers: int = Field(1, ge=1, le=8, description="number of equal propellers k_p")
+    propellers: int = Field(default=1, ge=1, le=8, description="number of equal propellers k_p")
     fouling_fraction: float = _effect(
         0.0, "added share of the resistance", record="hull_fouling", ge=-0.5, le=3
     )
@@ -86,8 +88,8 @@ class Propeller(Section):
 
     model: Literal["b-series", "four-quadrant", "bollard"] = "b-series"
     diameter_m: float = _number("diameter D", "m", record="diameter", gt=0, le=15)
-    blades: int = Field(4, ge=2, le=7, description="number of blades Z")
-    expanded_area_ratio: float = Field(0.7, ge=0.3, le=1.05, description="EAR")
+    blades: int = Field(default=4, ge=2, le=7, description="number of blades Z")
+    expanded_area_ratio: float = Field(default=0.7, ge=0.3, le=1.05, description="EAR")
     pitch_ratio_min: float = _number(
         "lowest P/D; equal to the highest for a fixed-pitch propeller", record="pitch_ratio_min",
         ge=-1.6, le=1.6, default=1.0,
@@ -99,8 +101,8 @@ class Propeller(Section):
         "eta_r", record="relative_rotative_efficiency", gt=0.5, lt=1.5, default=1.0
     )
     depth_m: float = _number("depth of the centre", "m", record="depth", ge=0, le=30, default=4.0)
-    thrust_coefficient: float = Field(0.0, ge=0, le=2, description="KT at J = 0 (bollard)")
-    torque_coefficient: float = Field(0.0, ge=0, le=1, description="KQ at J = 0 (bollard)")
+    thrust_coefficient: float = Field(default=0.0, ge=0, le=2, description="KT at J = 0 (bollard)")
+    torque_coefficient: float = Field(default=0.0, ge=0, le=1, description="KQ at J = 0 (bollard)")
     roughness_drag: float = _effect(
         0.0, "added blade drag coefficient", record="propeller_roughness", ge=0, le=0.05
     )

@@ -66,7 +66,7 @@ def step(
         plant: PLANT record.
         state: STATE record.
         memory: MEMORY record.
-        sea: SEA record, synchronised at most ``SYNC_STEPS`` steps ago.
+        sea: SEA record; its phasors are set anew every ``SYNC_STEPS`` steps.
         drive: demand on the prime mover [mm | V | N m], held over the step.
         pitch_command: commanded P/D [-], held over the step.
         inflow: disturbance u_x [m/s] at the step's start, middle and end, besides the sea's.
@@ -76,10 +76,11 @@ def step(
     Returns:
         The outputs at the step's start, with the new commands acting; the memory holds the
         instruments' readings of that instant.
-
     """
     now = get_state(state)
     delivered = begin_step(plant, memory, drive, dt)
+    if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
+        synchronise(sea, memory.cursor * dt, now.position, now.ship_speed, 0.5 * dt)
     wave = motion(sea, now.position)
     start = _inputs(delivered, pitch_command, inflow[0], resistance_factor[0], wave)
     if sea.present != 0:
@@ -190,8 +191,6 @@ def _trajectory(
     prepare(plant, state, memory, sea, drive[0], inflow[0], resistance_factor[0], dt)
     steps = len(drive)
     for k in range(steps):
-        if sea.present != 0 and k % SYNC_STEPS == 0:
-            synchronise(sea, k * dt, state.position, state.ship_speed, 0.5 * dt)
         now = get_state(state)
         log = memory.speed_log
         outputs = step(
@@ -230,7 +229,6 @@ def advance(
     seas: Any,
     drive: NDArray[np.float64],
     pitch_command: NDArray[np.float64],
-    first_step: int,
     steps: int,
     dt: float,
 ) -> None:
@@ -243,21 +241,11 @@ def advance(
         seas: SEA array of shape (n,).
         drive: demand on each prime mover [mm | V | N m], shape (n,).
         pitch_command: commanded P/D [-], shape (n,).
-        first_step: steps since time 0, a multiple of ``SYNC_STEPS`` where there is a sea.
         steps: how many to take.
         dt: [s].
-
     """
     for i in range(len(plants)):
-        for k in range(steps):
-            if seas[i].present != 0 and k % SYNC_STEPS == 0:
-                synchronise(
-                    seas[i],
-                    (first_step + k) * dt,
-                    states[i].position,
-                    states[i].ship_speed,
-                    0.5 * dt,
-                )
+        for _ in range(steps):
             step(
                 plants[i],
                 states[i],
@@ -316,10 +304,12 @@ def simulate(
         with that step's commands acting, and one at the end.
 
     Raises:
+        ShipError: the ship's delays or its motor do not fit the time step.
         ValueError: an input is not finite.
-
     """
-    dt = ship.time_step_s if dt is None else dt
+    if dt is not None and dt != ship.time_step_s:
+        ship = ship.with_values({"integration.time_step_s": dt})
+    dt = ship.time_step_s
     steps = max(1, math.ceil(duration_s / dt - 1e-9))
     grid = np.arange(steps, dtype=np.float64) * dt
     half_grid = np.arange(2 * steps + 1, dtype=np.float64) * (0.5 * dt)

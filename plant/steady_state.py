@@ -46,7 +46,6 @@ def equilibrium(
     Raises:
         ValueError: no steady state with a forward-turning shaft exists, for example because the
             engine's torque does not overcome its friction.
-
     """
     plant = ship.record()
     inputs = steady_inputs(drive, pitch_ratio, inflow, resistance_factor)
@@ -55,14 +54,8 @@ def equilibrium(
     blade += float(plant["pitch_actuator_offset"])
 
     def complete(shaft_speed: float, ship_speed: float) -> State:
-        """State in which everything but shaft and hull is at rest."""
         bare = State(blade, shaft_speed, ship_speed, 0.0, 0.0, 0.0, 0.0, 0.0)
-        rate, _ = evaluate(plant, bare, inputs, blade, False)
-        return bare._replace(
-            brake_torque=float(plant["engine_lag"]) * rate.brake_torque,
-            inflow=float(plant["inflow_lag"]) * rate.inflow,
-            motor_current=_steady_current(plant, rate.motor_current),
-        )
+        return with_lags_settled(plant, bare, inputs)
 
     def residual(unknown: Any) -> list[float]:
         shaft_speed = float(unknown[0])
@@ -83,6 +76,17 @@ def equilibrium(
     raise ValueError(
         f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} and pitch "
         f"ratio {pitch_ratio:g}"
+    )
+
+
+def with_lags_settled(plant: Any, state: State, inputs: Inputs) -> State:
+    """The same state with brake torque, inflow and motor current where their lags lead them."""
+    bare = state._replace(brake_torque=0.0, inflow=0.0, motor_current=0.0)
+    rate, _ = evaluate(plant, bare, inputs, bare.pitch_ratio, False)
+    return bare._replace(
+        brake_torque=float(plant["engine_lag"]) * rate.brake_torque,
+        inflow=float(plant["inflow_lag"]) * rate.inflow,
+        motor_current=_steady_current(plant, rate.motor_current),
     )
 
 

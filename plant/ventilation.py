@@ -34,7 +34,6 @@ def ventilation_state(
         ventilated: state before.
         submergence: depth h of the propeller's centre [m].
         thrust_coefficient: KT [-] that the propeller would have without air.
-
     """
     relative = 2.0 * submergence / plant.diameter
     shift = plant.ventilation_loading_gain * thrust_coefficient

@@ -63,8 +63,10 @@ class Sea(BaseModel):
 
     hs_m: float = Field(ge=0.0, le=25.0, description="significant wave height [m]")
     tp_s: float = Field(gt=1.0, le=30.0, description="peak period [s]")
-    gamma: float = Field(3.3, ge=1.0, le=10.0, description="peak enhancement [-]")
-    heading_deg: float = Field(180.0, ge=-360.0, le=360.0, description="heading to the waves [deg]")
+    gamma: float = Field(default=3.3, ge=1.0, le=10.0, description="peak enhancement [-]")
+    heading_deg: float = Field(
+        default=180.0, ge=-360.0, le=360.0, description="heading to the waves [deg]"
+    )
 
 
 def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
@@ -73,7 +75,6 @@ def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
     Args:
         frequency: omega [rad/s], positive, any shape.
         sea: Hs, Tp and gamma.
-
     """
     peak = 2.0 * math.pi / sea.tp_s
     ratio = frequency / peak
@@ -101,7 +102,6 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
         SEA record of 64 components between 0.55 and 4.5 times the peak frequency, one at a random
         place in each of 64 bands that widen with frequency (so the sea does not repeat itself),
         scaled so that their energy is exactly Hs^2 / 16.
-
     """
     record = np.zeros(1, SEA)[0]
     if sea.hs_m == 0.0:
@@ -138,7 +138,6 @@ def get_sea(name: str) -> Sea | None:
 
     Raises:
         ValueError: unknown name; the message lists the known ones.
-
     """
     if name == "calm":
         return None
@@ -279,7 +278,6 @@ def synchronise(sea: Record, time: float, position: float, speed: float, half_st
         position: of the ship along its track [m].
         speed: of the ship [m/s].
         half_step: half of the plant's time step [s].
-
     """
     sea.reference_position = position
     sea.reference_speed = speed

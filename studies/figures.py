@@ -42,7 +42,6 @@ def observer_traces(
     Args:
         title: of the figure.
         records: by load case: time [s], truth [m/s], estimate [m/s], VAF [%].
-
     """
     figure, axes = new_figure(4, 2, (9.0, 10.0))
     figure.suptitle(title, fontsize=12)
@@ -70,7 +69,6 @@ def trade_off(comparison: pd.DataFrame, vaf: pd.DataFrame) -> Figure:
     Args:
         comparison: from :func:`shaftline.studies.snr.compared`.
         vaf: VAF table, rows by observer, columns by load case.
-
     """
     figure, axes = new_figure(1, 1, (8.5, 5.2))
     axis: Axes = axes[0, 0]
@@ -100,7 +98,6 @@ def gain_sweep(table: pd.DataFrame) -> Figure:
 
     Args:
         table: columns gamma, vaf [%], snr_db.
-
     """
     figure, axes = new_figure(1, 1, (7.5, 4.4))
     left: Axes = axes[0, 0]
@@ -121,7 +118,6 @@ def bode(systems: dict[str, control.StateSpace], title: str) -> Figure:
         systems: linear models by label, all with the same inputs and outputs; names are taken
             from the first.
         title: of the figure.
-
     """
     first = next(iter(systems.values()))
     outputs, inputs = first.output_labels, first.input_labels
@@ -156,7 +152,6 @@ def columns(table: pd.DataFrame, title: str) -> Figure:
     Args:
         table: columns as in recordings.
         title: of the figure.
-
     """
     panels = (
         ("advance_velocity_m_s", "advance velocity [m/s]", 1.0),
@@ -198,7 +193,6 @@ def seaway(
         estimates: by observer [m/s].
         scores: VAF [%] by observer.
         window: part of the record to show [s].
-
     """
     shown = (time >= window[0]) & (time <= window[1])
     columns = 3
@@ -232,7 +226,6 @@ def drive_train(points: pd.DataFrame, response: pd.DataFrame, models: Sequence[s
         points: from :func:`shaftline.studies.tito_neri.operating_points`.
         response: from :func:`shaftline.studies.tito_neri.frequency_response`.
         models: names of the parameter sets.
-
     """
     figure, axes = new_figure(2, 2, (10.0, 7.0))
     figure.suptitle("Tito Neri drive train: measured (black) and simulated", fontsize=12)

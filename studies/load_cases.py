@@ -41,7 +41,6 @@ class LoadCase:
             ship: the ship.
             seed: of the sea, where the case has one.
             dt: time step [s]; the ship's own by default.
-
         """
         sea = get_sea(self.sea) if self.sea else None
         return simulate(
@@ -129,7 +128,6 @@ def get_case(name: str) -> LoadCase:
 
     Raises:
         ValueError: unknown name; the message lists the known ones.
-
     """
     if name not in CASES:
         raise ValueError(f"unknown load case {name!r}; known: {', '.join(CASES)}")

@@ -20,7 +20,6 @@ def with_noise(readings: Floats, snr_db: float, noise: Floats) -> Floats:
         readings: shape (n, 5), the columns of a Measurement; the last, the truth, stays clean.
         snr_db: 20 log10(rms(signal) / rms(noise)), the same for every column.
         noise: unit normal, the shape of ``readings``.
-
     """
     rms = np.sqrt(np.mean(readings**2, axis=0)) * 10.0 ** (-snr_db / 20.0)
     rms[-1] = 0.0

@@ -71,10 +71,10 @@ class Fleet:
         """Some steps for all ships."""
         if self.observers is None:
             advance(self.plants, self.states, self.memories, self.seas,
-                    self.drive, self.pitch, 0, steps, self.dt)  # fmt: skip
+                    self.drive, self.pitch, steps, self.dt)  # fmt: skip
         else:
             sail(self.plants, self.states, self.memories, self.seas, self.observers,
-                 self.estimates, self.drive, self.pitch, 0, steps, self.dt)  # fmt: skip
+                 self.estimates, self.drive, self.pitch, steps, self.dt)  # fmt: skip
 
 
 def _solve_ivp_rate(sea: str | None) -> float:

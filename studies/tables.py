@@ -18,7 +18,6 @@ def published(name: str) -> pd.DataFrame:
 
     Args:
         name: file name without ending, as in ``studies/data``.
-
     """
     with resources.files("shaftline.studies").joinpath(f"data/{name}.csv").open() as file:
         return pd.read_csv(file, index_col=0)
@@ -38,7 +37,6 @@ def compare(
 
     Returns:
         One row per cell: row, column, ours, thesis, difference, why.
-
     """
     cells = []
     for row in ours.index:

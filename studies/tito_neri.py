@@ -33,7 +33,6 @@ def operating_points() -> pd.DataFrame:
         ``shaft_balance_N_m`` is K_e i - M_f - M_p, both of the *measured* speed and current: what
         the model's equation is off by when nothing else can be to blame. In percent: of the
         voltage, and of the motor's torque.
-
     """
     rows = []
     for name in MODELS:
@@ -82,7 +81,6 @@ def frequency_response() -> pd.DataFrame:
     Returns:
         One row per model and frequency: gains [-] of d(i/i_0)/d(U/U_0) and d(omega/omega_0)/
         d(U/U_0), phases [deg].
-
     """
     measured = published("tito_neri_frequency_response")
     rows = []

@@ -57,7 +57,6 @@ def sail_the_thesis_sea(seed: int = 0, tick: Callable[[], None] = lambda: None) 
 
     Returns:
         Table with VAF [%] and rms error [m/s], with perfect and with noisy readings.
-
     """
     frigate = load_ship("frigate")
     samples = CASES["jonswap"].run(frigate, seed=seed)

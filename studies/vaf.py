@@ -57,7 +57,6 @@ def vaf_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
 
     Args:
         tick: called after each simulated record (:func:`records` tells how many).
-
     """
     frigate = load_ship("frigate")
     collected: dict[str, list[list[float]]] = {name: [] for name in COLUMNS}

@@ -75,7 +75,9 @@ def test_ship_files(
     shaftline: Command, tmp_path: Path, old: str, new: str, words: tuple[str, ...]
 ) -> None:
     ship = frigate(tmp_path, old, new)
-    result = shaftline("simulate", "--ship", ship, "--case", "rack_step", "--out", tmp_path / "s.csv")
+    result = shaftline(
+        "simulate", "--ship", ship, "--case", "rack_step", "--out", tmp_path / "s.csv"
+    )
     refused(result, "mine.toml", *words)
     nothing_written(tmp_path, "mine.toml")
 

@@ -59,7 +59,13 @@ def test_tour_writes_its_pictures(shaftline: Command, tmp_path: Path) -> None:
 
 def test_simulate_drives_a_ship_with_a_recording(shaftline: Command, tmp_path: Path) -> None:
     result = shaftline(
-        "simulate", "--ship", "frigate", "--inputs", recording(tmp_path), "--out", tmp_path / "s.csv"
+        "simulate",
+        "--ship",
+        "frigate",
+        "--inputs",
+        recording(tmp_path),
+        "--out",
+        tmp_path / "s.csv",
     )
     assert result.exit_code == 0
     table = pd.read_csv(tmp_path / "s.csv")

@@ -1,0 +1,163 @@
+"""An effect at its neutral value is absent to the last bit, whatever its other numbers say."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from shaftline.plant import Schedule, Ship, equilibrium, simulate
+
+INF = float("inf")
+
+
+class Effect(NamedTuple):
+    id: str
+    neutral: dict[str, float]
+    present: dict[str, float]
+    companions: dict[str, float]  # its other numbers, which must not matter when it is absent
+
+
+def effect(id: str, key: str, value: float, neutral: float = 0.0, **companions: float) -> Effect:
+    section = key.split(".")[0]
+    others = {f"{section}.{name}": number for name, number in companions.items()}
+    return Effect(id, {key: neutral}, {key: value}, others)
+
+
+PLANT_EFFECTS = [
+    effect("coulomb-engine-side", "transmission.coulomb_friction_engine_side_N_m", 5e3),
+    effect("viscous-engine-side", "transmission.viscous_friction_engine_side_N_m_s_rad", 500.0),
+    effect("coulomb-propeller-side", "transmission.coulomb_friction_propeller_side_N_m", 5e3),
+    effect("viscous-propeller-side", "transmission.viscous_friction_propeller_side_N_m_s_rad", 5e2),
+    effect("engine-torque-lag", "prime_mover.lag_s", 1.0),
+    effect("engine-dead-time", "prime_mover.dead_time_s", 0.6),
+    effect("rack-rate-limit", "prime_mover.rack_rate_limit_mm_s", 1.0, INF),
+    effect("engine-derating", "prime_mover.derating_fraction", 0.1),
+    effect(
+        "engine-torque-curvature",
+        "prime_mover.torque_curvature_N_m_s2_rad2",
+        -0.5,
+        torque_curvature_speed_rad_s=60.0,
+    ),
+    effect("entrained-water-inertia", "propeller.entrained_inertia_kg_m2", 8e3),
+    effect("propeller-roughness", "propeller.roughness_drag", 0.004),
+    effect("inflow-lag", "propeller.inflow_lag_s", 1.0),
+    effect(
+        "cavitation-breakdown",
+        "propeller.cavitation_breakdown",
+        0.3,
+        cavitation_onset_number=8.0,
+        cavitation_torque_share=0.6,
+    ),
+    effect("wake-speed-dependence", "hull.wake_slope_s_m", 0.01, wake_reference_speed_m_s=5.0),
+    effect("hull-fouling", "hull.fouling_fraction", 0.3),
+    effect("current", "hull.current_m_s", 0.7),
+    effect("pitch-dead-band", "pitch_actuator.dead_band", 0.02),
+    effect("pitch-backlash", "pitch_actuator.backlash", 0.03),
+    effect("pitch-rate-limit", "pitch_actuator.rate_limit_per_s", 0.02, INF),
+    effect("pitch-actuator-offset", "pitch_actuator.offset", 0.03),
+    Effect(
+        "ventilation",
+        {"ventilation.thrust_loss": 0.0, "ventilation.torque_loss": 0.0},
+        {"ventilation.thrust_loss": 0.6, "ventilation.torque_loss": 0.5},
+        {
+            "ventilation.onset_submergence": 1.7,
+            "ventilation.recovery_submergence": 1.9,
+            "ventilation.loading_gain": 0.2,
+            "ventilation.growth_time_s": 0.3,
+            "ventilation.washout_time_s": 2.0,
+        },
+    ),
+]
+
+SENSOR_EFFECTS = [
+    effect("pitch-sensor-offset", "sensors.pitch_offset", 0.02),
+    effect("torque-sensor-bias", "sensors.torque_bias_N_m", 3e3),
+    effect("torque-sensor-gain", "sensors.torque_gain", 1.05, 1.0),
+    effect("torque-sensor-delay", "sensors.torque_delay_s", 0.4),
+    effect("speed-log-lag", "sensors.speed_log_lag_s", 10.0),
+]
+
+MEASURED = ["measured_pitch_ratio", "measured_shaft_torque", "measured_ship_speed"]
+
+
+def named(effects: list[Effect]) -> Any:
+    return pytest.mark.parametrize("effect", effects, ids=lambda effect: effect.id)
+
+
+@pytest.fixture(scope="module")
+def voyage(frigate: Ship, thesis_sea: Any) -> Any:
+    """A lively programme: rack and pitch step up and down in waves."""
+    schedule = Schedule(
+        lambda t: np.select([t < 20, t < 60, t < 90], [20.0, 28.0, 15.0], 24.0),
+        lambda t: np.select([t < 40, t < 75], [1.4, 1.0], 1.25),
+    )
+    initial = equilibrium(frigate, 20.0, 1.4).state
+
+    def sail(ship: Ship) -> NDArray[Any]:
+        return simulate(ship, schedule, 120.0, initial=initial, sea=thesis_sea)
+
+    return sail
+
+
+@pytest.fixture(scope="module")
+def nominal(frigate: Ship, voyage: Any) -> Any:
+    return voyage(frigate)
+
+
+@named(PLANT_EFFECTS + SENSOR_EFFECTS)
+def test_neutral_value_is_absence_to_the_last_bit(
+    frigate: Ship, voyage: Any, nominal: NDArray[Any], effect: Effect
+) -> None:
+    ship = frigate.with_values({**effect.companions, **effect.neutral})
+    assert voyage(ship).tobytes() == nominal.tobytes()
+
+
+@named(PLANT_EFFECTS)
+def test_present_effect_changes_the_voyage(
+    frigate: Ship, voyage: Any, nominal: NDArray[Any], effect: Effect
+) -> None:
+    changed = voyage(frigate.with_values({**effect.companions, **effect.present}))
+    deviation = np.abs(changed["shaft_speed"] - nominal["shaft_speed"])
+    assert np.all(np.isfinite(changed["shaft_speed"]))
+    assert deviation.max() > 0.01  # rad/s
+
+
+@named(SENSOR_EFFECTS)
+def test_sensor_effect_changes_readings_and_nothing_else(
+    frigate: Ship, voyage: Any, nominal: NDArray[Any], effect: Effect
+) -> None:
+    changed = voyage(frigate.with_values(effect.present))
+    differing = [n for n in nominal.dtype.names or () if np.any(changed[n] != nominal[n])]
+    assert len(differing) == 1
+    assert set(differing) <= set(MEASURED)
+
+
+# optional numbers that describe the nominal ship and are no effects
+NOMINAL = {
+    "hull": {"fixed", "mass_kg", "resistance_coefficient_N_s2_m2", "thrust_deduction",
+             "wake_fraction", "propellers"},
+    "propeller": {"model", "blades", "expanded_area_ratio", "pitch_ratio_min", "pitch_ratio_max",
+                  "relative_rotative_efficiency", "depth_m", "thrust_coefficient",
+                  "torque_coefficient"},
+    "ventilation": set(),
+    "prime_mover": {"torque_limit_N_m", "torque_limit_at_min_speed_N_m",
+                    "torque_limit_slope_N_m_s_rad"},
+    "transmission": set(),
+    "pitch_actuator": {"time_constant_s"},
+    "sensors": set(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("section", NOMINAL)
+def test_every_optional_number_is_nominal_or_a_covered_effect(frigate: Ship, section: str) -> None:
+    fields = type(getattr(frigate, section)).model_fields
+    optional = {name for name, info in fields.items() if not info.is_required()}
+    covered = {
+        key.removeprefix(f"{section}.")
+        for effect in PLANT_EFFECTS + SENSOR_EFFECTS
+        for key in (*effect.neutral, *effect.companions)
+    }
+    assert optional - NOMINAL[section] <= covered

@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shaftline.plant import Ship, ShipError, load_ship, ship_names
+from shaftline.plant.ship import HISTORY
+
+FRIGATE = resources.files("shaftline.plant").joinpath("ships/frigate.toml").read_text("utf-8")
+
+Edit = Callable[[str, str], Path]
+
+
+@pytest.fixture
+def edited(tmp_path: Path) -> Edit:
+    """The frigate's file with one line changed."""
+
+    def edit(old: str, new: str) -> Path:
+        assert FRIGATE.count(old) == 1
+        path = tmp_path / "mine.toml"
+        path.write_text(FRIGATE.replace(old, new), encoding="utf-8")
+        return path
+
+    return edit
+
+
+def test_presets_are_listed() -> None:
+    assert {"frigate", "tito-neri-sine", "tito-neri-staircase"} <= set(ship_names())
+
+
+@pytest.mark.parametrize("name", ship_names())
+def test_preset_loads_under_its_own_name(name: str) -> None:
+    assert load_ship(name).name == name
+
+
+def test_file_gives_the_same_ship_as_the_preset(edited: Edit) -> None:
+    path = edited('name = "frigate"', 'name = "frigate"  # mine')
+    assert load_ship(path) == load_ship(str(path)) == load_ship("frigate")
+
+
+def test_ship_passes_through(frigate: Ship) -> None:
+    assert load_ship(frigate) is frigate
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("mass_kg = 3.3e6", "mass_kgs = 3.3e6", ["hull.mass_kgs", "not a known key"]),
+        ("diameter_m = 4.2", "", ["propeller.diameter_m is missing", "unit m", "> 0 and <= 15"]),
+        ("gear_ratio = 7.38", "", ["transmission.gear_ratio is missing", "> 0 and <= 100"]),
+        ("resistance_coefficient_N_s2_m2 = 3306.2", "", ["resistance_coefficient_N_s2_m2 is missing"]),
+        ("blades = 5", "", ["propeller", "blades is missing", "propeller.model = 'b-series'"]),
+        ('model = "b-series"', 'model = "bollard"', ["torque_coefficient is missing", "bollard"]),
+        ("[water]", "[waters]", ["water is missing", "waters is not a known key"]),
+        ("diameter_m = 4.2", 'diameter_m = "4.2"', ["propeller.diameter_m", "'4.2'", "unit m;"]),
+        ("diameter_m = 4.2", "diameter_m = true", ["propeller.diameter_m", "True", "number"]),
+        ("propellers = 2", "propellers = 2.5", ["hull.propellers", "2.5", ">= 1 and <= 8"]),
+        ("blades = 5", "blades = 9", ["propeller.blades = 9", ">= 2 and <= 7"]),
+        ("efficiency = 0.95", "efficiency = 1.2", ["transmission.efficiency = 1.2", "<= 1"]),
+        ("density_kg_m3 = 1025.0", "density_kg_m3 = 1.0", ["water.density_kg_m3", "unit kg/m3"]),
+        ("time_constant_s = 2.0", "time_constant_s = nan", ["pitch_actuator.time_constant_s = nan"]),
+        ("rack_max_mm = 40.0", "rack_max_mm = inf", ["prime_mover.rack_max_mm = inf", "<= 200"]),
+        ("gear_ratio = 7.38", "gear_ratio = -inf", ["transmission.gear_ratio = -inf", "> 0"]),
+        ("torque_limit_N_m = 38000.0", "torque_limit_N_m = nan", ["torque_limit_N_m = nan"]),
+        ('model = "b-series"', 'model = "kaplan"', ["propeller.model = 'kaplan'", "b-series"]),
+        ('type = "diesel"', 'type = "steam"', ["prime_mover", "'steam'", "'diesel', 'dc-motor'"]),
+        ('type = "diesel"', "", ["prime_mover", "type"]),
+        ("speed_min_rpm = 350.0", "speed_min_rpm = 1e3", ["speed_min_rpm must be below"]),
+        ("pitch_ratio_min = 0.6", "pitch_ratio_min = 1.5", ["pitch_ratio_min must not exceed"]),
+        ("diameter_m = 4.2", "diameter_m = ", ["not valid TOML", "line"]),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)  # fmt: skip
+def test_mistake_is_named_with_file_key_and_range(
+    edited: Edit, old: str, new: str, words: list[str]
+) -> None:
+    path = edited(old, new)
+    with pytest.raises(ShipError) as caught:
+        load_ship(path)
+    for word in ("mine.toml", *words):
+        assert word in str(caught.value)
+
+
+def test_all_mistakes_are_named_at_once(edited: Edit) -> None:
+    path = edited("diameter_m = 4.2\nblades = 5", "diameter_m = 0.0\nblades = 1")
+    with pytest.raises(ShipError, match=r"(?s)propeller\.diameter_m.*propeller\.blades"):
+        load_ship(path)
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ShipError, match=r"nowhere\.toml: cannot be read"):
+        load_ship(tmp_path / "nowhere.toml")
+
+
+def test_file_that_is_no_text_is_named(tmp_path: Path) -> None:
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ShipError, match=r"binary\.toml: cannot be read"):
+        load_ship(tmp_path / "binary.toml")
+
+
+def test_unknown_preset_names_the_known_ones() -> None:
+    with pytest.raises(ShipError, match=r"unknown ship 'frigat'.*frigate, tito-neri-sine"):
+        load_ship("frigat")
+
+
+@pytest.mark.parametrize("limit", ["rack_rate_limit_mm_s = inf", "torque_limit_N_m = inf"])
+def test_limits_may_be_infinite(edited: Edit, limit: str) -> None:
+    old = "torque_limit_N_m = 38000.0"
+    new = limit if limit.startswith("torque") else f"{old}\n{limit}"
+    assert load_ship(edited(old, new)).name == "frigate"
+
+
+def test_with_values_changes_a_copy(frigate: Ship) -> None:
+    lighter = frigate.with_values({"hull.mass_kg": 2e6, "transmission.gear_ratio": 7.0})
+    assert (lighter.hull.mass_kg, lighter.transmission.gear_ratio) == (2e6, 7.0)
+    assert (frigate.hull.mass_kg, frigate.transmission.gear_ratio) == (3.3e6, 7.38)
+
+
+def test_with_values_reaches_the_record(frigate: Ship) -> None:
+    record = frigate.with_values({"sensors.torque_gain": 1.1}).record()
+    assert record["torque_sensor_gain"] == 1.1
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"hull.mass_kg": -1.0}, r"frigate: hull\.mass_kg = -1\.0.*unit kg; allowed: > 0"),
+        ({"hull.current_m_s": math.nan}, r"hull\.current_m_s = nan"),
+        ({"hull.colour": 1.0}, r"hull\.colour is not a known key"),
+        ({"rudder.angle": 1.0}, r"no section 'rudder' in 'rudder\.angle'"),
+        ({"hull.mass_kg.x": 1.0}, r"no section 'mass_kg'"),
+    ],
+    ids=str,
+)
+def test_with_values_validates(frigate: Ship, values: dict[str, float], words: str) -> None:
+    with pytest.raises(ShipError, match=words):
+        frigate.with_values(values)
+
+
+def test_ship_is_frozen(frigate: Ship) -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        frigate.hull.mass_kg = 1.0  # type: ignore[misc]
+
+
+def test_record_is_a_new_one_each_time(frigate: Ship) -> None:
+    frigate.record()["mass"] = 1.0
+    assert frigate.record()["mass"] == 3.3e6
+
+
+def test_record_holds_no_strange_number() -> None:
+    for name in ship_names():
+        record = load_ship(name).record()
+        for field in record.dtype.names:
+            assert not np.any(np.isnan(record[field])), field
+
+
+@pytest.mark.parametrize("key", ["sensors.torque_delay_s", "prime_mover.dead_time_s"])
+def test_delay_beyond_the_memory_is_refused(frigate: Ship, key: str) -> None:
+    short = {"integration.time_step_s": 0.01}
+    longest = 0.01 * (HISTORY - 2)
+    frigate.with_values({**short, key: longest})
+    with pytest.raises(ShipError, match=rf"{key} = 1\.3 s .* the longest delay"):
+        frigate.with_values({**short, key: 1.3})
+
+
+def test_time_step_must_resolve_the_armature() -> None:
+    tug = load_ship("tito-neri-sine")
+    constant = 0.000603 / 1.51
+    tug.with_values({"integration.time_step_s": 0.99 * constant})
+    with pytest.raises(ShipError, match=r"integration\.time_step_s .* L/R = 0\.000399 s"):
+        tug.with_values({"integration.time_step_s": 1.01 * constant})
+
+
+def test_motor_without_inductance_takes_any_step() -> None:
+    tug = load_ship("tito-neri-sine")
+    values = {"prime_mover.armature_inductance_H": 0.0, "integration.time_step_s": 0.01}
+    assert tug.with_values(values).time_step_s == 0.01

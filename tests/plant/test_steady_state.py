@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from shaftline.plant import Equilibrium, Ship, equilibrium, load_ship, ship_names
+from shaftline.plant.dynamics import evaluate
+
+DATA = Path(__file__).parents[2] / "studies" / "data"
+
+with (DATA / "advance_velocity_thesis_working_points.csv").open() as stream:
+    WORKING_POINTS = {row.pop("point"): row for row in csv.DictReader(stream)}
+
+with (DATA / "tito_neri_operating_points.csv").open() as stream:
+    TUG_POINTS = {row.pop("point"): row for row in csv.DictReader(stream)}
+
+
+def drive_of(ship: Ship) -> tuple[float, float]:
+    return (5.89, 1.0) if ship.name.startswith("tito") else (22.0, 1.0)
+
+
+def assert_steady(ship: Ship, point: Equilibrium) -> None:
+    rate, _ = evaluate(ship.record(), point.state, point.inputs, point.outputs.pitch_ratio, False)
+    moving = rate._replace(position=0.0)
+    assert moving == pytest.approx((0.0,) * len(moving), abs=1e-8)
+
+
+def test_design_point_is_the_printed_one(design_point: Equilibrium) -> None:
+    assert design_point.state.shaft_speed == pytest.approx(10.51, abs=0.02)
+    assert design_point.state.ship_speed == pytest.approx(8.73, abs=0.04)
+
+
+@pytest.mark.parametrize("name", "ABCD")
+def test_working_points_are_the_printed_ones(frigate: Ship, name: str) -> None:
+    printed = {key: float(value) for key, value in WORKING_POINTS[name].items() if value}
+    found = equilibrium(frigate, printed["fuel_rack_mm"], printed["pitch_ratio"])
+    wide = 0.03 if name == "A" else 0.015  # A is printed to 4.94 rad/s and 1.96 m/s
+    assert found.state.shaft_speed == pytest.approx(printed["shaft_speed_rad_s"], rel=0.015)
+    assert found.state.ship_speed == pytest.approx(printed["ship_speed_m_s"], rel=wide)
+    assert found.outputs.advance_velocity == pytest.approx(
+        printed["advance_velocity_m_s"], rel=0.015
+    )
+    assert found.outputs.brake_torque == pytest.approx(printed["engine_torque_N_m"], rel=wide)
+
+
+@pytest.mark.parametrize("name", ship_names())
+def test_every_ship_has_a_steady_state(name: str) -> None:
+    ship = load_ship(name)
+    assert_steady(ship, equilibrium(ship, *drive_of(ship)))
+
+
+@pytest.mark.parametrize(
+    ("name", "point", "tolerance"),
+    [("tito-neri-staircase", point, 0.05) for point in "ABCDE"],
+)
+def test_tug_turns_as_fast_as_measured(name: str, point: str, tolerance: float) -> None:
+    measured = {key: float(value) for key, value in TUG_POINTS[point].items()}
+    ship = load_ship(name)
+    found = equilibrium(ship, measured["motor_voltage_V"], 1.0)
+    motor_speed = ship.transmission.gear_ratio * found.state.shaft_speed
+    assert motor_speed == pytest.approx(measured["motor_speed_rad_s"], rel=tolerance)
+    assert found.state.motor_current == pytest.approx(measured["motor_current_A"], rel=tolerance)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"prime_mover.lag_s": 1.5},
+        {"propeller.inflow_lag_s": 2.0},
+        {"pitch_actuator.offset": 0.05},
+        {"hull.current_m_s": 1.0},
+        {"propeller.model": "four-quadrant"},
+        {"hull.fixed": True},
+    ],
+    ids=lambda values: next(iter(values)),
+)
+def test_steady_with_each_extra_state(frigate: Ship, values: dict[str, object]) -> None:
+    ship = frigate.with_values(values)
+    assert_steady(ship, equilibrium(ship, 20.0, 1.2))
+
+
+def test_disturbances_shift_the_steady_state(frigate: Ship, design_point: Equilibrium) -> None:
+    slow = equilibrium(frigate, 22.0, 1.4, resistance_factor=1.5)
+    assert slow.state.ship_speed < design_point.state.ship_speed
+    pushed = equilibrium(frigate, 22.0, 1.4, inflow=0.5)
+    assert pushed.outputs.advance_velocity == pytest.approx(0.95 * pushed.state.ship_speed + 0.5)
+
+
+def test_engine_that_gives_no_torque_has_no_steady_state(frigate: Ship) -> None:
+    with pytest.raises(ValueError, match=r"frigate: no steady state .* drive 2 and pitch ratio 1"):
+        equilibrium(frigate, 2.0, 1.0)
