@@ -19,6 +19,7 @@ check: $(INSTALLED)
 	$(BIN)/ruff format --check .
 	mkdir -p .venv/source && ln -sfn "$(CURDIR)" .venv/source/shaftline
 	MYPYPATH=.venv/source $(BIN)/mypy -p shaftline.plant -p shaftline.observers -p shaftline.studies -p shaftline.cli
+	MYPYPATH=.venv/source $(BIN)/mypy tests
 
 docs: $(INSTALLED)
 	$(BIN)/shaftline list --markdown docs/reference.md
@@ -31,8 +32,8 @@ results: $(INSTALLED)
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip -c constraints.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install -qq --disable-pip-version-check --upgrade pip -c constraints.txt
+	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	touch $(INSTALLED)
 
 clean:

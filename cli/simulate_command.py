@@ -13,7 +13,8 @@ from ..plant.files import write_atomically
 from ..plant.recording import input_columns, read_recording, simulate_recording
 from ..plant.signals import SIGNALS
 from ..studies import figures
-from ..studies.load_cases import CASES, get_case
+from ..studies.load_cases import CASES, NOISE_SNR_DB, get_case
+from ..studies.metrics import with_noisy_readings
 from .console import clear_errors, console
 
 
@@ -29,7 +30,7 @@ def simulate(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="CSV file for the simulated signals.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Picture of the run (.png).")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the sea, where the case has one.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the case's sea or noise.")] = 0,
 ) -> None:
     """Simulate a ship open loop, driven by a recording or by a load case.
 
@@ -52,6 +53,8 @@ def simulate(
         if case is not None:
             samples = get_case(case).run(vessel, seed=seed)
             table = pd.DataFrame({s.column: samples[s.name] for s in SIGNALS})
+            if get_case(case).noisy:
+                table = with_noisy_readings(table, NOISE_SNR_DB, seed)
             title = f"{vessel.name}: {get_case(case).description}"
         else:
             assert inputs is not None

@@ -90,6 +90,13 @@ def is_plausible(m: Measurement) -> bool:
 
 
 @compiled
+def pitch_is_known(ship: Record, pitch_ratio: float) -> bool:
+    """Whether a pitch lies in the ship's range, with a margin for noise and offsets."""
+    margin = 0.1
+    return bool(ship.pitch_ratio_min - margin <= pitch_ratio <= ship.pitch_ratio_max + margin)
+
+
+@compiled
 def model_torque(ship: Record, velocity: float, shaft_speed: float, pitch_ratio: float) -> float:
     """Propeller torque M_p [N m] that the observer's model expects (thesis eq. 2-5)."""
     n = shaft_speed * (0.5 / math.pi)

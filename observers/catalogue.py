@@ -22,6 +22,7 @@ from .base import (
     SHAFT_KALMAN,
     Measurement,
     is_plausible,
+    pitch_is_known,
     remember,
 )
 from .direct import NoObserver, Oracle, update_none, update_oracle
@@ -136,7 +137,8 @@ def update(observer: Record, estimate: Record, m: Measurement) -> float:
 
     Where a reading is not finite or beyond the signal registry's bounds, the estimate is held and
     flagged invalid; the observer starts afresh with the next good sample. Where the torque lies off
-    the propeller's curve, the estimate is held at the curve's edge and flagged invalid.
+    the propeller's curve, the estimate is held at the curve's edge and flagged invalid; so is one at a
+    pitch that the ship does not have.
 
     Args:
         observer: OBSERVER record.
@@ -148,7 +150,7 @@ def update(observer: Record, estimate: Record, m: Measurement) -> float:
         estimate.valid = 0
         return float(estimate.advance_velocity)
     velocity, valid = _dispatch(observer, estimate, m)
-    remember(estimate, m, velocity, valid)
+    remember(estimate, m, velocity, valid and pitch_is_known(observer.ship, m.pitch_ratio))
     return velocity
 
 

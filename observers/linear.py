@@ -87,6 +87,8 @@ def update_linear(observer: Record, estimate: Record, m: Measurement) -> tuple[f
             + now[1, 0] * m.shaft_speed
             + now[1, 1] * m.shaft_torque
         )
-    return velocity_from_torque(
+    velocity, valid = velocity_from_torque(
         observer.ship, estimate.x[1], estimate.x[0], m.pitch_ratio, estimate.advance_velocity
     )
+    # after a glitch the estimated shaft speed needs its time to come back
+    return velocity, valid and abs(estimate.x[0] - m.shaft_speed) <= 0.2 * abs(m.shaft_speed)

@@ -19,6 +19,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
+_KERNEL_FOLDERS = ("plant", "observers", "baselines", "envs", "mismatch")
+
+
 def _drop_stale_kernels() -> None:
     """Delete this package's cached machine code where any source is newer.
 
@@ -26,11 +29,13 @@ def _drop_stale_kernels() -> None:
     ``propeller.py`` it would go on using the old propeller inside ``simulate.py``.
     """
     house = Path(__file__).resolve().parent.parent
-    newest = max(source.stat().st_mtime for source in house.glob("*/*.py"))
-    for cached in house.glob("*/__pycache__/*.nb[ic]"):
-        with contextlib.suppress(OSError):
-            if cached.stat().st_mtime < newest:
-                cached.unlink()
+    folders = [house / name for name in _KERNEL_FOLDERS]
+    newest = max(source.stat().st_mtime for folder in folders for source in folder.glob("*.py"))
+    for folder in folders:
+        for cached in folder.glob("__pycache__/*.nb[ic]"):
+            with contextlib.suppress(OSError):
+                if cached.stat().st_mtime < newest:
+                    cached.unlink()
 
 
 _drop_stale_kernels()

@@ -51,7 +51,8 @@ def linearise(
 
     Returns:
         State-space system with named states, the four inputs of :data:`INPUTS` and the outputs.
-        Dead time and the rack's rate limit lie outside the differential equations and are left out.
+        Dead time and the rack's rate limit lie outside the differential equations and are left out;
+        inside a dead band or backlash the pitch does not answer, and its derivative is 0.
 
     The derivatives are those of the simulated equations themselves, exact to rounding, by complex
     steps (Squire & Trapp 1998); they equal the thesis's eqs. 2-22 to 2-38 on the frigate.

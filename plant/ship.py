@@ -96,53 +96,20 @@ class Ship(Section):
         Raises:
             ShipError: unknown key, or a value out of range.
         """
-        tree = self.model_dump()
+        tree = self.model_dump(exclude_unset=True)
         for dotted, value in values.items():
             *path, key = dotted.split(".")
             section = tree
             for part in path:
-                if not isinstance(section.get(part), dict):
+                section = section.setdefault(part, {})
+                if not isinstance(section, dict):
                     raise ShipError(f"{self.name}: no section {part!r} in {dotted!r}")
-                section = section[part]
             section[key] = value
         return _validated(tree, self.name)
 
     def record(self) -> Any:
-        """The kernels' record of this ship: one element of dtype :data:`PLANT`."""
-        record = np.zeros(1, PLANT)[0]
-        for section in self._sections():
-            for key, info in type(section).model_fields.items():
-                field = record_field(info)
-                if field is not None:
-                    record[field] = getattr(section, key)
-        screw = self.propeller
-        record["propellers"] = self.hull.propellers
-        record["hull_fixed"] = self.hull.fixed
-        record["blade_solidity"] = 2.073 * screw.expanded_area_ratio  # c Z / D at 0.75 R, B-series
-        if screw.model == "bollard":
-            record["kt"] = propeller.constant_coefficient(screw.thrust_coefficient)
-            record["kq"] = propeller.constant_coefficient(screw.torque_coefficient)
-        else:
-            record["kt"] = propeller.b_series("KT", screw.expanded_area_ratio, screw.blades)
-            record["kq"] = propeller.b_series("KQ", screw.expanded_area_ratio, screw.blades)
-        record["four_quadrant_pitch"] = four_quadrant.PITCH_NODES
-        if screw.model == "four-quadrant":
-            record["propeller_model"] = propeller.FOUR_QUADRANT
-            powers = np.power.outer(four_quadrant.PITCH_NODES, propeller.PITCH_POWERS)
-            record["four_quadrant"] = four_quadrant.scaled_to_bollard(
-                powers @ record["kt"][:, 0], powers @ record["kq"][:, 0]
-            )
-        mover = self.prime_mover
-        if isinstance(mover, Diesel):
-            record["prime_mover"] = prime_mover.DIESEL
-            record["engine_speed_min"] = mover.speed_min_rpm * math.pi / 30.0
-            record["engine_speed_max"] = mover.speed_max_rpm * math.pi / 30.0
-        else:
-            is_motor = isinstance(mover, DcMotor)
-            record["prime_mover"] = prime_mover.DC_MOTOR if is_motor else prime_mover.TORQUE
-            record["drive_min"] = -record["drive_max"]
-            record["rack_rate_limit"] = INF
-        return record
+        """The kernels' record of this ship: one element of dtype :data:`PLANT`, yours to change."""
+        return _record(self).copy()
 
     def _sections(self) -> list[BaseModel]:
         return [
@@ -150,6 +117,44 @@ class Ship(Section):
             for v in (getattr(self, k) for k in type(self).model_fields)
             if isinstance(v, BaseModel)
         ]
+
+
+@functools.lru_cache(maxsize=256)
+def _record(ship: Ship) -> Any:
+    record = np.zeros(1, PLANT)[0]
+    for section in ship._sections():
+        for key, info in type(section).model_fields.items():
+            field = record_field(info)
+            if field is not None:
+                record[field] = getattr(section, key)
+    screw = ship.propeller
+    record["propellers"] = ship.hull.propellers
+    record["hull_fixed"] = ship.hull.fixed
+    record["blade_solidity"] = 2.073 * screw.expanded_area_ratio  # c Z / D at 0.75 R, B-series
+    if screw.model == "bollard":
+        record["kt"] = propeller.constant_coefficient(screw.thrust_coefficient)
+        record["kq"] = propeller.constant_coefficient(screw.torque_coefficient)
+    else:
+        record["kt"] = propeller.b_series("KT", screw.expanded_area_ratio, screw.blades)
+        record["kq"] = propeller.b_series("KQ", screw.expanded_area_ratio, screw.blades)
+    record["four_quadrant_pitch"] = four_quadrant.PITCH_NODES
+    if screw.model == "four-quadrant":
+        record["propeller_model"] = propeller.FOUR_QUADRANT
+        powers = np.power.outer(four_quadrant.PITCH_NODES, propeller.PITCH_POWERS)
+        record["four_quadrant"] = four_quadrant.scaled_to_bollard(
+            powers @ record["kt"][:, 0], powers @ record["kq"][:, 0]
+        )
+    mover = ship.prime_mover
+    if isinstance(mover, Diesel):
+        record["prime_mover"] = prime_mover.DIESEL
+        record["engine_speed_min"] = mover.speed_min_rpm * math.pi / 30.0
+        record["engine_speed_max"] = mover.speed_max_rpm * math.pi / 30.0
+    else:
+        is_motor = isinstance(mover, DcMotor)
+        record["prime_mover"] = prime_mover.DC_MOTOR if is_motor else prime_mover.TORQUE
+        record["drive_min"] = -record["drive_max"]
+        record["rack_rate_limit"] = INF
+    return record
 
 
 def _section_types() -> list[type[BaseModel]]:
@@ -286,6 +291,10 @@ def _explained(item: dict[str, Any]) -> str:
     if info is not None:
         allowed = f" (unit {unit_of(info)}; allowed: {allowed_range(info)})"
     kind = item["type"]
+    if kind.startswith("union_tag"):
+        given = item["ctx"].get("tag")
+        what = "is missing" if given is None else f"= {given!r} is unknown"
+        return f"{key}.type {what} (allowed: {', '.join(sorted(tags))})"
     if kind == "missing":
         return f"{key} is missing{allowed}"
     if kind == "extra_forbidden":

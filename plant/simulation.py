@@ -293,7 +293,8 @@ def simulate(
 
     Args:
         ship: the ship.
-        schedule: commands and disturbances.
+        schedule: commands and disturbances. The drive is taken to have stood at its first demand
+            for ever, so a rate limit or dead time acts on changes after time 0 only.
         duration_s: length [s].
         initial: initial state, for example from :func:`shaftline.plant.equilibrium`.
         sea: SEA record from :func:`shaftline.plant.waves.realise`, or None for calm water.

@@ -11,9 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
+from ..plant.ship_sections import Diesel
 
 RACK, PITCH = 22.0, 1.4
 """Constant inputs [mm], [-] of every case that does not change them (section 4-1)."""
+
+NOISE_SNR_DB = 40.0
+"""Signal-to-noise ratio of the readings where the noisy case is simulated by itself; the thesis's
+study varies it from 0 to 100 dB."""
 
 STEP_AT = 10.0
 RACK_STEP_DURATION, PITCH_STEP_DURATION = 50.0, 76.0
@@ -41,7 +46,17 @@ class LoadCase:
             ship: the ship.
             seed: of the sea, where the case has one.
             dt: time step [s]; the ship's own by default.
+
+        Raises:
+            ValueError: the ship is no diesel ship with a controllable pitch of 1.0 to 1.4.
         """
+        screw = ship.propeller
+        suits = screw.pitch_ratio_min <= 1.0 and screw.pitch_ratio_max >= PITCH
+        if not (isinstance(ship.prime_mover, Diesel) and suits) or ship.hull.fixed:
+            raise ValueError(
+                f"load case {self.name!r} needs a diesel ship with a pitch ratio of 1.0 to {PITCH:g}; "
+                f"{ship.name} is none. Drive it with a recording instead (--inputs)"
+            )
         sea = get_sea(self.sea) if self.sea else None
         return simulate(
             ship,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -11,6 +12,24 @@ Floats = NDArray[np.float64]
 def variance_accounted_for(truth: Floats, estimate: Floats) -> float:
     """VAF [%] = max(0, 1 - var(truth - estimate) / var(truth)) * 100 (thesis eq. 4-1)."""
     return max(0.0, 1.0 - float(np.var(truth - estimate) / np.var(truth))) * 100.0
+
+
+READINGS = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio", "shaft_acceleration_rad_s2"]
+"""Columns that the observers read, in the order of a Measurement."""
+
+
+def with_noisy_readings(table: pd.DataFrame, snr_db: float, seed: int) -> pd.DataFrame:
+    """The same run as noisy instruments would have recorded it; true quantities stay clean.
+
+    Args:
+        table: simulated run with the canonical columns.
+        snr_db: signal-to-noise ratio of every reading [dB].
+        seed: of the white noise.
+    """
+    clean = table[[*READINGS, "advance_velocity_m_s"]].to_numpy()
+    noise = np.random.default_rng(seed).standard_normal(clean.shape)
+    noisy = with_noise(clean, snr_db, noise)
+    return table.assign(**dict(zip(READINGS, noisy.T, strict=False)))
 
 
 def with_noise(readings: Floats, snr_db: float, noise: Floats) -> Floats:

@@ -39,6 +39,7 @@ def frigate(folder: Path, old: str, new: str) -> Path:
         (("--ship", "fregate", "--case", "rack_step"), ("unknown ship 'fregate'", "frigate")),
         (("--case", "rackstep"), ("unknown load case 'rackstep'", "rack_step")),
         (("--inputs", "nowhere.csv"), ("nowhere.csv", "cannot be read")),
+        (("--ship", "tito-neri-sine", "--case", "rack_step"), ("needs a diesel ship", "--inputs")),
         ((), ("either --inputs", "--case")),
         (("--case", "rack_step", "--inputs", "x.csv"), ("either --inputs", "--case")),
     ],
@@ -94,7 +95,10 @@ def test_ship_files(
     ],
 )
 def test_recordings(
-    shaftline: Command, tmp_path: Path, change: dict[str, object], words: tuple[str, ...]
+    shaftline: Command,
+    tmp_path: Path,
+    change: dict[str, tuple[int, object]],
+    words: tuple[str, ...],
 ) -> None:
     path = recording(tmp_path, **change)
     result = shaftline("simulate", "--inputs", path, "--out", tmp_path / "s.csv")

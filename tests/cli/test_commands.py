@@ -18,7 +18,7 @@ RECORDED = [
 ]  # fmt: skip
 
 
-def recording(folder: Path, **changes: object) -> Path:
+def recording(folder: Path, **changes: tuple[int, object]) -> Path:
     """A minute at 10 Hz: the rack steps from 20 to 25 mm after 10 s."""
     time = np.arange(600) * 0.1
     table = pd.DataFrame(
@@ -28,7 +28,7 @@ def recording(folder: Path, **changes: object) -> Path:
             "pitch_ratio_command": 1.2,
         }
     )
-    for column, (row, value) in changes.items():  # type: ignore[misc]
+    for column, (row, value) in changes.items():
         table[column] = table[column].astype(object)
         table.loc[row, column] = value
     path = folder / "recording.csv"
@@ -119,6 +119,17 @@ def test_every_load_case_runs(shaftline: Command, tmp_path: Path, case: str) -> 
     assert np.isfinite(table.to_numpy()).all()
     assert np.ptp(table["advance_velocity_m_s"]) > 0.1
     assert picture.stat().st_size > 10_000
+
+
+def test_the_noisy_case_has_noisy_readings(shaftline: Command, tmp_path: Path) -> None:
+    tables = []
+    for case in ("inflow_sine_high", "measurement_noise"):
+        shaftline("simulate", "--case", case, "--out", tmp_path / "case.csv", "--seed", 3)
+        tables.append(pd.read_csv(tmp_path / "case.csv"))
+    clean, noisy = tables
+    error = noisy["shaft_speed_rad_s"] - clean["shaft_speed_rad_s"]
+    assert error.std() == pytest.approx(0.01 * clean["shaft_speed_rad_s"].mean(), rel=0.1)
+    assert (noisy["advance_velocity_m_s"] == clean["advance_velocity_m_s"]).all()
 
 
 def test_reproduce_writes_numbers_by_the_published_names(
