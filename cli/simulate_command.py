@@ -8,7 +8,8 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from ..plant import load_ship
+from ..observers import follow_table, get_observer
+from ..plant import get_sea, load_ship, realise
 from ..plant.files import write_atomically
 from ..plant.recording import input_columns, read_recording, simulate_recording
 from ..plant.signals import SIGNALS
@@ -28,6 +29,13 @@ def simulate(
     case: Annotated[
         str | None, typer.Option(help=f"Load case instead of a recording: {', '.join(CASES)}.")
     ] = None,
+    sea: Annotated[
+        str | None, typer.Option(help="Sea preset (see `shaftline list`); calm, or the case's own.")
+    ] = None,
+    observer: Annotated[
+        str | None, typer.Option(help="Observer whose estimate is added to the table.")
+    ] = None,
+    tuning: Annotated[str | None, typer.Option(help="Its tuning: low, moderate, high.")] = None,
     out: Annotated[Path | None, typer.Option(help="CSV file for the simulated signals.")] = None,
     figure: Annotated[Path | None, typer.Option(help="Picture of the run (.png).")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the case's sea or noise.")] = 0,
@@ -39,8 +47,10 @@ def simulate(
     `pitch_ratio`, `shaft_speed_rad_s` and `ship_speed_m_s`, the simulation starts from their first
     row, otherwise from the steady state at the first demands.
 
+    With `--observer` two columns are added: the estimated advance velocity and whether it is valid.
+
     Examples:
-        shaftline simulate --case jonswap --figure run.png --out run.csv
+        shaftline simulate --case jonswap --observer random-walk-kalman --figure run.png
 
         shaftline simulate --ship frigate --inputs voyage.csv --out simulated.csv
     """
@@ -50,16 +60,24 @@ def simulate(
         if out is None and figure is None:
             raise ValueError("nothing to write: give --out FILE.csv, --figure FILE.png or both")
         vessel = load_ship(ship)
+        if tuning is not None and observer is None:
+            raise ValueError("--tuning belongs to an --observer")
+        watcher = get_observer(observer, tuning) if observer else None
         if case is not None:
-            samples = get_case(case).run(vessel, seed=seed)
+            samples = get_case(case).run(vessel, seed=seed, sea=sea)
             table = pd.DataFrame({s.column: samples[s.name] for s in SIGNALS})
             if get_case(case).noisy:
                 table = with_noisy_readings(table, NOISE_SNR_DB, seed)
             title = f"{vessel.name}: {get_case(case).description}"
         else:
             assert inputs is not None
-            table = simulate_recording(vessel, read_recording(inputs, input_columns(vessel)))
+            waves = get_sea(sea or "calm")
+            realised = realise(waves, vessel.propeller.depth_m, seed) if waves else None
+            recording = read_recording(inputs, input_columns(vessel))
+            table = simulate_recording(vessel, recording, realised)
             title = f"{vessel.name} driven by {inputs.name}"
+        if watcher is not None:
+            table = follow_table(watcher, vessel, table)
         if out is not None:
             write_atomically(out, lambda f: table.to_csv(f, index=False, float_format="%.10g"))
             console.print(f"{len(table)} rows written to {out}", highlight=False, soft_wrap=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ..plant.compiled import Record, compiled
@@ -181,6 +182,32 @@ def readings_of(samples: NDArray[Any]) -> NDArray[np.float64]:
             samples["advance_velocity"],
         ]
     )
+
+
+def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.DataFrame:
+    """A table with canonical columns, with an observer's estimate added.
+
+    Args:
+        observer: from :func:`get_observer`.
+        ship: the ship as the observer believes it to be.
+        table: even time base; acceleration and true advance velocity may be missing.
+
+    Returns:
+        The table with ``estimated_advance_velocity_m_s`` and ``estimate_valid`` (0 or 1).
+    """
+    unknown = np.full(len(table), np.nan)
+    readings = np.column_stack(
+        [
+            table["shaft_speed_rad_s"],
+            table["shaft_torque_N_m"],
+            table["pitch_ratio"],
+            table.get("shaft_acceleration_rad_s2", unknown),
+            table.get("advance_velocity_m_s", unknown),
+        ]
+    )
+    dt = float(np.median(np.diff(table["time_s"])))
+    velocity, valid = follow(observer, ship, readings, dt)
+    return table.assign(estimated_advance_velocity_m_s=velocity, estimate_valid=valid.astype(int))
 
 
 def follow(

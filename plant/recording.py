@@ -116,7 +116,7 @@ def _check_time(path: Path, time: np.ndarray[Any, Any]) -> None:
         )
 
 
-def simulate_recording(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
+def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> pd.DataFrame:
     """Drive a ship open loop with a recording's inputs.
 
     The demands are held between rows. The simulation starts from the first row's pitch ratio, shaft
@@ -126,6 +126,7 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
     Args:
         ship: the ship.
         recording: from :func:`read_recording`.
+        sea: SEA record from :func:`shaftline.plant.realise`, or None for calm water.
 
     Returns:
         The same time base and canonical columns: the inputs as given, everything else simulated.
@@ -149,6 +150,7 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame) -> pd.DataFrame:
         Schedule(np.repeat(drive[:-1], per_row), np.repeat(pitch[:-1], per_row)),
         rows * period,
         initial=_initial_state(ship, recording, float(drive[0]), float(pitch[0])),
+        sea=sea,
         dt=period / per_row,
     )[::per_row]
     columns: dict[str, Any] = {c: recording[c] for c in input_columns(ship)}

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..plant.files import write_atomically
 
 TRUTH, ESTIMATE, THESIS = "#1f2a44", "#d1495b", "#8d99ae"
+ESTIMATED = "estimated_advance_velocity_m_s"
 PALETTE = ("#d1495b", "#00798c", "#edae49", "#66a182", "#2e4057", "#8d6a9f", "#b07d62", "#5f9ed1")
 
 
@@ -171,6 +172,9 @@ def columns(table: pd.DataFrame, title: str) -> Figure:
         axis.set_ylabel(label, fontsize=8)
         axis.tick_params(labelsize=8)
         axis.ticklabel_format(useOffset=False, axis="y")
+        if name == "advance_velocity_m_s" and ESTIMATED in table:
+            axis.plot(table["time_s"], table[ESTIMATED], color=ESTIMATE, linewidth=0.8)
+            axis.set_title("true (dark) and estimated (red)", fontsize=8)
     for axis in axes.flat[len(drawn) :]:
         axis.set_visible(False)
     for axis in axes[-1]:

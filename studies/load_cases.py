@@ -39,13 +39,16 @@ class LoadCase:
     sea: str | None = None
     noisy: bool = False
 
-    def run(self, ship: Ship, *, seed: int = 0, dt: float | None = None) -> NDArray[Any]:
+    def run(
+        self, ship: Ship, *, seed: int = 0, dt: float | None = None, sea: str | None = None
+    ) -> NDArray[Any]:
         """Simulate the case; SAMPLE array of shape (steps + 1,).
 
         Args:
             ship: the ship.
             seed: of the sea, where the case has one.
             dt: time step [s]; the ship's own by default.
+            sea: sea preset instead of the case's own.
 
         Raises:
             ValueError: the ship is no diesel ship with a controllable pitch of 1.0 to 1.4.
@@ -57,13 +60,13 @@ class LoadCase:
                 f"load case {self.name!r} needs a diesel ship with a pitch ratio of 1.0 to {PITCH:g}; "
                 f"{ship.name} is none. Drive it with a recording instead (--inputs)"
             )
-        sea = get_sea(self.sea) if self.sea else None
+        waves = get_sea(sea or self.sea or "calm")
         return simulate(
             ship,
             self.schedule,
             self.duration_s,
             initial=equilibrium(ship, *self.start).state,
-            sea=realise(sea, ship.propeller.depth_m, seed) if sea else None,
+            sea=realise(waves, ship.propeller.depth_m, seed) if waves else None,
             dt=dt,
         )
 

@@ -40,6 +40,13 @@ def frigate(folder: Path, old: str, new: str) -> Path:
         (("--case", "rackstep"), ("unknown load case 'rackstep'", "rack_step")),
         (("--inputs", "nowhere.csv"), ("nowhere.csv", "cannot be read")),
         (("--ship", "tito-neri-sine", "--case", "rack_step"), ("needs a diesel ship", "--inputs")),
+        (("--case", "rack_step", "--sea", "state-9"), ("unknown sea 'state-9'", "state-3")),
+        (("--case", "rack_step", "--observer", "lunberger"), ("unknown observer", "luenberger")),
+        (
+            ("--case", "rack_step", "--observer", "luenberger", "--tuning", "wild"),
+            ("'luenberger' has no tuning 'wild'", "low, moderate, high"),
+        ),
+        (("--case", "rack_step", "--tuning", "low"), ("--tuning", "--observer")),
         ((), ("either --inputs", "--case")),
         (("--case", "rack_step", "--inputs", "x.csv"), ("either --inputs", "--case")),
     ],

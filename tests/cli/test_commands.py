@@ -132,6 +132,24 @@ def test_the_noisy_case_has_noisy_readings(shaftline: Command, tmp_path: Path) -
     assert (noisy["advance_velocity_m_s"] == clean["advance_velocity_m_s"]).all()
 
 
+def test_an_observer_follows_a_driven_ship_through_a_sea(
+    shaftline: Command, tmp_path: Path
+) -> None:
+    out = tmp_path / "s.csv"
+    result = shaftline(
+        "simulate", "--inputs", recording(tmp_path), "--sea", "state-4", "--out", out,
+        "--observer", "immersion-invariance", "--tuning", "high",
+    )  # fmt: skip
+    assert result.exit_code == 0
+    table = pd.read_csv(out)
+    assert list(table.columns) == [*RECORDED, "estimated_advance_velocity_m_s", "estimate_valid"]
+    assert table["estimate_valid"].mean() > 0.99
+    wake = 0.95 * table["ship_speed_m_s"]
+    swell = table["estimated_advance_velocity_m_s"] - wake
+    assert 0.05 < swell[100:].std() < 1.0
+    assert abs(swell[100:].mean()) < 0.1
+
+
 def test_reproduce_writes_numbers_by_the_published_names(
     shaftline: Command, tmp_path: Path
 ) -> None:
