@@ -11,7 +11,17 @@ import pandas as pd
 
 from ..observers import follow, get_observer, readings_of
 from ..plant import linearise, load_ship
-from . import figures, load_cases, poles, sensitivity, snr, vaf, verification, working_points
+from . import (
+    figures,
+    load_cases,
+    poles,
+    rounded_table,
+    sensitivity,
+    snr,
+    vaf,
+    verification,
+    working_points,
+)
 from .load_cases import CASES
 from .metrics import variance_accounted_for
 from .tables import markdown, reasons_text, side_by_side, write_table
@@ -115,6 +125,13 @@ def reproduce_vaf(folder: Path, tick: Tick) -> Reproduced:
         "chosen to meet three printed scores (rack step: Luenberger low; pitch step: I&I low and "
         "random-walk Kalman). The other scores of these columns follow without a choice. Likewise "
         "assumed: the resistance sine's amplitude, 0.25.\n\n"
+        "## How much the thesis's inverse table may cost\n\n"
+        f"{markdown(rounded_table.rounded_scores())}\n\n"
+        "Here KQ is inverted by the nearest entry of a table with steps of "
+        f"{rounded_table.PITCH_STEP:g} in P/D and {rounded_table.ADVANCE_STEP:g} in J, steps chosen to "
+        "meet the scores of the shaft acceleration observer, which would be 100 with an exact inverse. "
+        "It explains their size in every column, and not the power balance's 23.60 in the pitch step, "
+        "for which we know no reason.\n\n"
         "Time traces: " + ", ".join(f"[{r}](figures/traces-{r}.png)" for r in vaf.ROWS) + "\n"
     )
     result = _finished("vaf", "Variance accounted for, % (Table 4-1)", comparison, folder, 2, extra)

@@ -9,7 +9,15 @@ import pandas as pd
 import pytest
 
 from shaftline.plant import load_ship
-from shaftline.studies import poles, sensitivity, snr, vaf, working_points
+from shaftline.studies import (
+    poles,
+    rounded_table,
+    sensitivity,
+    snr,
+    vaf,
+    verification,
+    working_points,
+)
 from shaftline.studies.metrics import variance_accounted_for, with_noise
 from shaftline.studies.tables import compare, published
 
@@ -116,3 +124,18 @@ def test_a_difference_without_a_reason_is_said_so() -> None:
     ours = pd.DataFrame({"x": [1.0, 5.0]}, index=["a", "b"])
     theirs = pd.DataFrame({"x": [1.0, 2.0]}, index=["a", "b"])
     assert list(compare(ours, theirs, {}, 0.5)["why"]) == ["", "not explained"]
+
+
+def test_a_rounded_inverse_table_loses_about_what_the_thesis_loses() -> None:
+    scores = rounded_table.rounded_scores().set_index("")
+    ours, theirs = (scores.loc[f"shaft-acceleration, {who}"] for who in ("rounded", "thesis"))
+    assert (ours < 100.0).all()
+    assert (ours - theirs).drop("pitch_step").abs().max() < 0.2
+    assert abs(ours["pitch_step"] - theirs["pitch_step"]) < 6.0
+
+
+def test_mid_range_point_predicts_what_it_was_not_fitted_to() -> None:
+    table = verification.mid_range(load_ship("frigate")).set_index("table")
+    for number in ("2-20", "2-21", "2-22", "2-23"):
+        ours, thesis = (float(table.loc[number, c]) for c in ("gain", "gain, This thesis"))
+        assert ours == pytest.approx(thesis, rel=0.06)
