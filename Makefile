@@ -18,7 +18,7 @@ check: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	mkdir -p .venv/source && ln -sfn "$(CURDIR)" .venv/source/shaftline
-	MYPYPATH=.venv/source $(BIN)/mypy -p shaftline.plant -p shaftline.observers -p shaftline.studies -p shaftline.cli
+	MYPYPATH=.venv/source $(BIN)/mypy -p shaftline
 	MYPYPATH=.venv/source $(BIN)/mypy tests
 
 docs: $(INSTALLED)

@@ -1,1 +1,1 @@
-"""Training and evaluation of learned policies; nothing lives here yet."""
+"""Evaluation of controllers, classic and learned; training of policies is still to come."""

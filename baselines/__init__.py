@@ -1,1 +1,1 @@
-"""Classic controllers that learned policies must beat; nothing lives here yet."""
+"""Classic controllers: governor, combinator, CPP optimiser, anti-spin; each with ``predict``."""

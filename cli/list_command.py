@@ -8,11 +8,13 @@ from typing import Annotated
 import pandas as pd
 import typer
 
+from ..baselines.catalogue import CONTROLLERS
+from ..envs import tasks
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
 from ..plant.files import write_text
 from ..plant.ship import ship_keys
-from ..plant.signals import SIGNALS
+from ..plant.signals import CONTROL_SIGNALS, SIGNALS
 from ..plant.waves import presets
 from ..studies.load_cases import CASES
 from ..studies.tables import markdown
@@ -32,12 +34,20 @@ def registries() -> dict[str, pd.DataFrame]:
             columns=["sea", "Hs [m]", "Tp [s]", "gamma [-]"],
         ),
         "Observers": pd.DataFrame({"observer": observer_names()}),
+        "Controllers": pd.DataFrame({"controller": list(CONTROLLERS)}),
+        "Tasks": pd.DataFrame(
+            [(name, task.description) for name, task in tasks().items()],
+            columns=["task", "description"],
+        ),
         "Load cases": pd.DataFrame(
             [(case.name, case.description) for case in CASES.values()],
             columns=["load case", "description"],
         ),
         "Signals": pd.DataFrame(
-            [(s.column, s.symbol, s.unit, s.source, s.description) for s in SIGNALS],
+            [
+                (s.column, s.symbol, s.unit, s.source, s.description)
+                for s in (*SIGNALS, *CONTROL_SIGNALS)
+            ],
             columns=["column", "symbol", "unit", "source", "description"],
         ),
         "Keys of a ship file": pd.DataFrame(
@@ -51,7 +61,7 @@ def list_names(
         Path | None, typer.Option("--markdown", help="Write the lists to this file instead.")
     ] = None,
 ) -> None:
-    """List ships, seas, observers, load cases, signals, and every key of a ship file."""
+    """List ships, seas, observers, controllers, tasks, signals, and every key of a ship file."""
     with clear_errors():
         tables = registries()
         if markdown_file is not None:

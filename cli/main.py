@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import list_command, reproduce_command, simulate_command, tour_command
+from . import evaluate_command, list_command, reproduce_command, simulate_command, tour_command
 
 app = typer.Typer(
     name="shaftline",
@@ -20,6 +20,7 @@ app = typer.Typer(
 app.command("tour")(tour_command.tour)
 app.command("simulate")(simulate_command.simulate)
 app.command("reproduce")(reproduce_command.reproduce)
+app.command("evaluate")(evaluate_command.evaluate)
 app.command("list")(list_command.list_names)
 
 

@@ -27,6 +27,19 @@ def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 
 @compiled
+def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
+    """Fuel rack X [mm] at which the rack map gives a brake torque, before end stops and limits.
+
+    Args:
+        plant: ship record.
+        engine_speed: omega_e [rad/s].
+        brake_torque: M_b [N m].
+    """
+    at_no_rack = rack_torque(plant, engine_speed, 0.0)
+    return (brake_torque - at_no_rack) / (plant.torque_per_rack * (1.0 - plant.derating))
+
+
+@compiled
 def torque_limit(plant: Record, engine_speed: Real) -> Real:
     """Upper edge of the engine's envelope [N m]: rising from idle speed, then flat."""
     return clip(

@@ -34,7 +34,7 @@ KQ falls monotonically with J over the whole range for B5-90 at P/D 0.8 to 1.4 (
 
 _REVOLUTIONS_PER_RADIAN = 0.5 / math.pi
 _MIN_REVOLUTIONS = 1e-3  # 1/s; keeps J finite at standstill, where thrust and torque vanish anyway
-_ATMOSPHERE, _VAPOUR_PRESSURE, _GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC), m/s2
+ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC), m/s2
 
 
 @functools.cache
@@ -179,7 +179,7 @@ def cavitation_loss(plant: Record, revolutions: Real, submergence: Real) -> Real
     Grows linearly as the cavitation number by shaft speed,
     sigma_n = (p0 + rho g h - p_v) / (rho n^2 D^2 / 2), falls below the onset.
     """
-    pressure = _ATMOSPHERE - _VAPOUR_PRESSURE + plant.density * _GRAVITY * submergence
+    pressure = ATMOSPHERE - VAPOUR_PRESSURE + plant.density * GRAVITY * submergence
     tip = 0.5 * plant.density * revolutions * revolutions * plant.diameter * plant.diameter
     deficit = 1.0 - pressure / (tip * plant.cavitation_onset_number)
     return plant.cavitation_breakdown * clip(deficit, 0.0, 1.0)

@@ -130,6 +130,7 @@ def _record(ship: Ship) -> Any:
     screw = ship.propeller
     record["propellers"] = ship.hull.propellers
     record["hull_fixed"] = ship.hull.fixed
+    record["expanded_area_ratio"] = screw.expanded_area_ratio
     record["blade_solidity"] = 2.073 * screw.expanded_area_ratio  # c Z / D at 0.75 R, B-series
     if screw.model == "bollard":
         record["kt"] = propeller.constant_coefficient(screw.thrust_coefficient)
@@ -175,7 +176,14 @@ def _plant_dtype() -> np.dtype[Any]:
             field = record_field(info)
             if field is not None:
                 names[field] = None
-    derived = ["propellers", "blade_solidity", "drive_min", "engine_speed_min", "engine_speed_max"]
+    derived = [
+        "propellers",
+        "expanded_area_ratio",
+        "blade_solidity",
+        "drive_min",
+        "engine_speed_min",
+        "engine_speed_max",
+    ]
     nodes = len(four_quadrant.PITCH_NODES)
     return np.dtype(
         [(name, np.float64) for name in (*names, *derived)]

@@ -29,6 +29,13 @@ def _effect(
     return _number(description, unit, record=record, default=neutral, **limits)
 
 
+def _coefficient(term: str, neutral: float, *, record: str) -> Any:
+    """A coefficient of the fuel surface: fuel share per power share and speed share."""
+    return _number(
+        f"of {term} in the fuel surface", record=record, ge=-100, le=100, default=neutral
+    )
+
+
 class Section(BaseModel):
     """A table of the file: immutable, strictly typed, no unknown keys."""
 
@@ -212,6 +219,28 @@ class Diesel(Section):
         "engine speed about which they bend", "rad/s", record="torque_curvature_speed",
         ge=0, le=500, default=0.0,
     )  # fmt: skip
+    fuel_base_g_kWh: float = _effect(
+        0.0, "specific consumption that scales the fuel surface; 0 is no fuel model", "g/kWh",
+        record="fuel_base", ge=0, le=1000,
+    )  # fmt: skip
+    fuel_rated_power_W: float = _number(
+        "power N_r by which the surface's power is divided (its speed, by the highest)", "W",
+        record="fuel_rated_power", gt=0, le=1e9, default=1.0,
+    )  # fmt: skip
+    fuel_p0_s1: float = _coefficient("omega", 0.0, record="fuel_p0_s1")
+    fuel_p0_s2: float = _coefficient("omega^2", 0.0, record="fuel_p0_s2")
+    fuel_p1_s0: float = _coefficient("N", 1.0, record="fuel_p1_s0")
+    fuel_p1_s1: float = _coefficient("N omega", 0.0, record="fuel_p1_s1")
+    fuel_p1_s2: float = _coefficient("N omega^2", 0.0, record="fuel_p1_s2")
+    fuel_p2_s0: float = _coefficient("N^2", 0.0, record="fuel_p2_s0")
+    fuel_p2_s1: float = _coefficient("N^2 omega", 0.0, record="fuel_p2_s1")
+    fuel_p3_s0: float = _coefficient("N^3", 0.0, record="fuel_p3_s0")
+
+    @model_validator(mode="after")
+    def _fuel_complete(self) -> Diesel:
+        if self.fuel_base_g_kWh > 0.0:
+            _require(self, ("fuel_rated_power_W",), "with a fuel_base_g_kWh")
+        return self
 
     @model_validator(mode="after")
     def _speeds_in_order(self) -> Diesel:

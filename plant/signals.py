@@ -63,5 +63,26 @@ SIGNALS = (
            "distance along the track"),
 )  # fmt: skip
 
+CONTROL_SIGNALS = (
+    Signal("speed_order", "v_d", "m/s", -40, 40, "demand", "speed_order_m_s", "ordered ship speed"),
+    Signal("fuel_rack", "X", "mm", 0, 200, "sensor", "fuel_rack_position_mm",
+           "position of the fuel rack"),
+    Signal("estimated_advance_velocity", "v_a^", "m/s", -40, 40, "observer",
+           "estimated_advance_velocity_m_s", "the observer's estimate of the advance velocity"),
+    Signal("estimate_valid", "-", "-", 0, 1, "observer", "estimate_valid",
+           "1 where the observer vouches for its estimate"),
+)  # fmt: skip
+"""What a controller sees besides the plant's own signals."""
+
+
+def get_signal(name: str) -> Signal:
+    """A signal by name.
+
+    Raises:
+        KeyError: no such signal.
+    """
+    return {signal.name: signal for signal in (*SIGNALS, *CONTROL_SIGNALS)}[name]
+
+
 SAMPLE: np.dtype[Any] = np.dtype([(signal.name, np.float64) for signal in SIGNALS])
 """Structured dtype of one simulated sample."""

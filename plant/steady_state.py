@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,4 +106,9 @@ def _starts(ship: Ship, drive: float) -> list[list[float]]:
         top = abs(drive) / float(plant["motor_constant"] * plant["gear_ratio"])
     else:
         top = 20.0
-    return [[top * share, top * share * 0.8] for share in (0.7, 0.4, 1.0, 0.2, 0.1)]
+    shares = (0.7, 0.4, 1.0, 0.2, 0.1)
+    # the first row suits large slow propellers; the second is 70 % of what the blades screw out
+    screwed = 0.7 * float(plant["diameter"]) / (2.0 * math.pi)
+    return [[top * share, top * share * 0.8] for share in shares] + [
+        [top * share, top * share * screwed] for share in shares
+    ]

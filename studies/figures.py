@@ -13,7 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..plant import Ship
 from ..plant.files import write_atomically
+from ..plant.prime_mover import torque_limit
 
 TRUTH, ESTIMATE, THESIS = "#1f2a44", "#d1495b", "#8d99ae"
 ESTIMATED = "estimated_advance_velocity_m_s"
@@ -258,4 +260,40 @@ def drive_train(points: pd.DataFrame, response: pd.DataFrame, models: Sequence[s
         axis.set_xlabel("frequency [rad/s]")
         axis.set_ylabel(label + ", normalised at point C")
         axis.axvspan(700, 7000, color=THESIS, alpha=0.15, linewidth=0)
+    return figure
+
+
+def controllers(traces: dict[str, pd.DataFrame], ship: Ship) -> Figure:
+    """One episode of each controller: speed and torque in time, engine envelope, pitch and speed.
+
+    Args:
+        traces: by controller, columns of :data:`shaftline.agents.evaluation.TRACE`.
+        ship: whose engine's envelope is drawn.
+    """
+    plant = ship.record()
+    gear = ship.transmission.gear_ratio
+    figure, axes = new_figure(2, 2, (11.0, 7.5))
+    speed, torque, envelope, pitch = axes.flat
+    for i, (name, trace) in enumerate(traces.items()):
+        color = PALETTE[i % len(PALETTE)]
+        speed.plot(trace["time"], trace["ship_speed"], color=color, linewidth=1, label=name)
+        torque.plot(trace["time"], trace["shaft_torque"] * 1e-3, color=color, linewidth=0.6)
+        engine = trace["shaft_speed"] * gear
+        envelope.plot(engine * 30.0 / np.pi, trace["brake_torque"] * 1e-3, ".", color=color, ms=2)
+        pitch.plot(trace["shaft_speed"], trace["pitch_ratio"], ".", color=color, markersize=2)
+    first = next(iter(traces.values()))
+    speed.plot(first["time"], first["speed_order"], color=THESIS, linestyle="--", label="order")
+    range_ = np.linspace(float(plant["engine_speed_min"]), float(plant["engine_speed_max"]), 50)
+    limit = [torque_limit(plant, float(w)) * 1e-3 for w in range_]
+    envelope.plot(range_ * 30.0 / np.pi, limit, color=TRUTH, linewidth=1)
+    for axis, x, y in (
+        (speed, "time [s]", "ship speed [m/s]"),
+        (torque, "time [s]", "shaft torque [kN m]"),
+        (envelope, "engine speed [rpm]", "brake torque [kN m], with the envelope"),
+        (pitch, "shaft speed [rad/s]", "pitch ratio [-]"),
+    ):
+        axis.set_xlabel(x, fontsize=9)
+        axis.set_ylabel(y, fontsize=9)
+        axis.tick_params(labelsize=8)
+    speed.legend(fontsize=8, frameon=False)
     return figure

@@ -1,4 +1,4 @@
-"""Plant steps per second on one core, beside yardsticks measured in the same run.
+"""Plant and environment steps per second, beside yardsticks measured in the same run.
 
 Run ``python -m shaftline.studies.speed``. Machines differ and are noisy: the ratios to the yardsticks
 say more than the numbers.
@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
+from ..envs import FrigateEnv, FrigateVectorEnv
 from ..observers import get_observer
 from ..observers.base import ESTIMATE, OBSERVER
 from ..observers.sailing import sail
@@ -30,6 +31,7 @@ from ..plant.waves import SEA, field
 from .tables import markdown
 
 BATCH, STEPS, REPEATS = 256, 100, 15
+MANY = 1024
 
 
 def best_rate(work: Callable[[], object], count: int, repeats: int = REPEATS) -> float:
@@ -110,6 +112,36 @@ def _cart_pole_rate() -> float:
     return best_rate(work, 5000, repeats=5)
 
 
+def _environment_rate(n: int) -> float:
+    """Control intervals per second, with waves, sensor noise and the default observer."""
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-0.2, 0.6, (n, 2)).astype(np.float32)
+    if n == 1:
+        single = FrigateEnv()
+        single.reset(seed=0)
+
+        def one() -> None:
+            for _ in range(500):
+                _, _, terminated, truncated, _ = single.step(actions[0])
+                if terminated or truncated:
+                    single.reset()
+
+        return best_rate(one, 500)
+    many = FrigateVectorEnv(n)
+    many.reset(seed=0)
+    rate = best_rate(lambda: many.step(actions), n, 60)
+    many.close()
+    return rate
+
+
+def _cart_pole_vector_rate() -> float:
+    """Steps per second of Gymnasium's own vectorised CartPole-v1."""
+    many = gymnasium.make_vec("CartPole-v1", MANY, vectorization_mode="vector_entry_point")
+    many.reset(seed=0)
+    actions = many.action_space.sample()
+    return best_rate(lambda: many.step(actions), MANY, 60)
+
+
 def measure() -> list[tuple[str, float]]:
     """Every measured rate [1/s] with its label, plant first, yardsticks last."""
     rows = []
@@ -126,6 +158,9 @@ def measure() -> list[tuple[str, float]]:
     rows.append(("plant, calm water, one step a call", best_rate(lambda: alone.run(1), 1, 2000)))
     rows.append(("solve_ivp on the same equations, calm water", _solve_ivp_rate(None)))
     rows.append(("solve_ivp on the same equations, waves", _solve_ivp_rate("thesis")))
+    rows.append(("environment Frigate-v0, one, a step is 10 plant steps", _environment_rate(1)))
+    rows.append((f"environment Frigate-v0, {MANY} on all cores", _environment_rate(MANY)))
+    rows.append((f"Gymnasium CartPole-v1, {MANY} in its vector form", _cart_pole_vector_rate()))
     rows.append(("Gymnasium CartPole-v1, one environment", _cart_pole_rate()))
     return rows
 
@@ -137,7 +172,7 @@ def main() -> None:
     out = parser.parse_args().out
     rows = measure()
     cart_pole = rows[-1][1]
-    title = "RK4 steps of 0.05 s per second on one core (best of several runs)"
+    title = "Steps per second, the plant's of 0.05 s on one core (best of several runs)"
     frame = pd.DataFrame(
         [(label, f"{rate:,.0f}", f"{rate / cart_pole:.1f}") for label, rate in rows],
         columns=["what", "steps/s", "per CartPole step"],

@@ -1,0 +1,188 @@
+"""Combinator: one lever sets pitch and shaft speed together, a governor holds the shaft speed.
+
+The curve is the usual one of ships with a controllable-pitch propeller: from lever 0 the pitch rises at
+the lowest shaft speed; with the pitch at its full value the shaft speed rises to the engine's highest.
+The speed order is turned into a lever through the ship's steady speeds in calm water, so nothing
+corrects for waves, fouling or shallow water: that is what a combinator is.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from ..plant.ship import Ship, load_ship
+from .governor import RESPONSE_S, Governor
+from .interface import readings, scaled
+from .steady_points import SteadyPoint, require_diesel, speed_range, steady_point
+
+FLOOR_SHARE = 0.5
+"""Lowest shaft speed of the curve over the highest; never below the engine's lowest speed."""
+
+FULL_PITCH_LEVER = 0.45
+"""Lever at which the pitch is full."""
+
+TORQUE_MARGIN = 0.97
+"""Share of the torque limit that full pitch takes at full speed in calm water."""
+
+_POINTS = 41  # of the table of steady states along the lever
+
+
+class Curve(NamedTuple):
+    """A combinator curve and the ship's steady speed on it, each of shape (m,), lever rising."""
+
+    lever: NDArray[np.float64]  # 0 to 1
+    pitch_ratio: NDArray[np.float64]  # [-]
+    shaft_speed: NDArray[np.float64]  # [rad/s]
+    ship_speed: NDArray[np.float64]  # in calm water [m/s], rising
+
+
+def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
+    """Highest P/D [-] at which the ship in calm water takes a share of the torque at full speed."""
+    require_diesel(ship)
+    top = speed_range(ship)[1]
+    low, high = _driving_pitch(ship), ship.propeller.pitch_ratio_max
+
+    def excess(pitch: float) -> float:
+        return steady_point(ship, top, pitch).torque_share - torque_share
+
+    if excess(high) <= 0.0:
+        return high
+    if excess(low) > 0.0:
+        raise ValueError(f"{ship.name}: even the lowest pitch overloads the engine at full speed")
+    return float(brentq(excess, low, high, xtol=1e-6))
+
+
+def combinator_curve(
+    ship: Ship, floor_share: float = FLOOR_SHARE, full_pitch_lever: float = FULL_PITCH_LEVER
+) -> Curve:
+    """The standard curve of a ship.
+
+    Args:
+        ship: a ship with a diesel.
+        floor_share: lowest shaft speed over the highest, 0 to 1.
+        full_pitch_lever: lever at which the pitch becomes full, between 0 and 1.
+
+    Raises:
+        ShipError: the ship has no diesel or cannot move.
+        ValueError: shares outside their range.
+    """
+    require_diesel(ship)
+    if not (0.0 <= floor_share < 1.0 and 0.0 < full_pitch_lever < 1.0):
+        raise ValueError(f"shares out of range: {floor_share}, {full_pitch_lever}")
+    lowest, highest = speed_range(ship)
+    floor = max(lowest, floor_share * highest)
+    lever = np.linspace(0.0, 1.0, _POINTS)
+    bends = [0.0, full_pitch_lever, 1.0]
+    full = full_pitch(ship)
+    pitch = np.interp(lever, bends, [min(_driving_pitch(ship), full), full, full])
+    speed = np.interp(lever, bends, [floor, floor, highest])
+    return curve_through(ship, lever, pitch, speed)
+
+
+def curve_through(ship: Ship, lever: Any, pitch_ratio: Any, shaft_speed: Any) -> Curve:
+    """A curve of one's own, with the steady ship speeds in calm water worked out.
+
+    Args:
+        ship: a ship with a diesel.
+        lever: positions, rising, shape (m,).
+        pitch_ratio: P/D [-], shape (m,).
+        shaft_speed: [rad/s], shape (m,).
+
+    Raises:
+        ValueError: the ship would not sail faster at each next lever.
+    """
+    lever, pitch, speed = (
+        np.asarray(x, dtype=np.float64) for x in (lever, pitch_ratio, shaft_speed)
+    )
+    points = [steady_point(ship, float(n), float(p)) for p, n in zip(pitch, speed, strict=True)]
+    sailed = np.array([point.ship_speed for point in points])
+    if np.any(np.diff(sailed) <= 0.0) or np.any(np.diff(lever) <= 0.0):
+        raise ValueError("lever and ship speed must rise along the curve")
+    return Curve(lever, pitch, speed, sailed)
+
+
+def _driving_pitch(ship: Ship) -> float:
+    """Lowest pitch [-] of the range that surely drives the ship ahead."""
+    return min(max(ship.propeller.pitch_ratio_min, 0.1), ship.propeller.pitch_ratio_max)
+
+
+class Combinator:
+    """Speed order -> lever -> pitch and shaft speed; the governor moves the rack.
+
+    Args:
+        ship: a ship with a diesel, or its name.
+        interval_s: control interval of the environment [s].
+        curve: combinator curve; :func:`combinator_curve` by default.
+        response_s: time constant of the governed shaft [s].
+
+    State: the governor's integral [mm], shape (n, 1).
+    """
+
+    def __init__(
+        self,
+        ship: str | Ship = "frigate",
+        interval_s: float = 0.5,
+        curve: Curve | None = None,
+        response_s: float = RESPONSE_S,
+    ) -> None:
+        self.ship = load_ship(ship)
+        self.curve = combinator_curve(self.ship) if curve is None else curve
+        middle = float(np.interp(0.5, self.curve.lever, self.curve.pitch_ratio))
+        self.governor = Governor(self.ship, interval_s, response_s, middle)
+
+    def lever(self, speed_order: Any) -> NDArray[np.float64]:
+        """Lever for an ordered ship speed [m/s], shape (n,); beyond the curve, its end."""
+        return np.asarray(np.interp(speed_order, self.curve.ship_speed, self.curve.lever))
+
+    def set_points(self, speed_order: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pitch [-] and shaft speed [rad/s] for an ordered ship speed [m/s], each of shape (n,)."""
+        lever = self.lever(speed_order)
+        pitch = np.interp(lever, self.curve.lever, self.curve.pitch_ratio)
+        speed = np.interp(lever, self.curve.lever, self.curve.shaft_speed)
+        return np.asarray(pitch), np.asarray(speed)
+
+    def steady(self, speed_order: float, resistance_factor: float = 1.0) -> SteadyPoint:
+        """Where the ship settles in calm water at an ordered speed [m/s]."""
+        pitch, speed = self.set_points(speed_order)
+        return steady_point(self.ship, float(speed), float(pitch), resistance_factor)
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Actions; see :class:`shaftline.baselines.interface.Controller`."""
+        seen = readings(observation)
+        pitch, speed = self.set_points(seen.speed_order)
+        fresh = self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
+        integral = fresh
+        if state is not None:
+            integral = np.asarray(state, dtype=np.float64)[:, 0]
+            if episode_start is not None:
+                integral = np.where(np.atleast_1d(episode_start), fresh, integral)
+        rack, integral = self.governor.command(speed, seen.shaft_speed, integral)
+        return actions(self.ship, observation, pitch, rack), integral[:, None]
+
+
+def actions(ship: Ship, observation: Any, pitch: Any, rack: Any) -> NDArray[np.float32]:
+    """Pitch [-] and rack [mm] commands as actions, shaped as the observation asks.
+
+    Args:
+        ship: a ship with a diesel.
+        observation: shape (8,) gives shape (2,); shape (n, 8) gives shape (n, 2).
+        pitch: commanded P/D [-], shape (n,).
+        rack: commanded rack [mm], shape (n,).
+    """
+    plant = ship.record()
+    columns = (
+        scaled(pitch, float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
+        scaled(rack, float(plant["drive_min"]), float(plant["drive_max"])),
+    )
+    table = np.stack(columns, axis=-1).astype(np.float32)
+    return table if np.ndim(observation) > 1 else table[0]

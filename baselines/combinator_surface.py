@@ -1,0 +1,195 @@
+"""The optimal combinator surface: pitch and shaft speed of least fuel over thrust and advance speed.
+
+The CPP optimiser paper's section 3. At a given thrust and advance speed the product of propeller and
+engine efficiency, eta_o eta_e = T v_a eta_trm / (fuel flow x heating value), is largest where the fuel
+flow is least; without a fuel model, where the brake power is. SciPy's SLSQP solves it in shaft speed
+and pitch under the paper's constraints:
+
+    thrust:       KT(J; p) rho n^2 D^4 = T
+    propeller:    0 <= J <= J_max(p),   p_min <= p <= p_max
+    engine:       n_min <= n <= n_max,   M_b <= 0.97 M_max(n)
+    gradient:     d eta_o / d J >= 0     (beyond the peak the efficiency falls off steeply)
+    cavitation:   tau_c <= tau_limit     (Burrill, 5 % back cavitation)
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from ..plant.ship import Ship
+from .combinator import TORQUE_MARGIN, full_pitch
+from .open_water_fit import OpenWaterFit, fit_open_water
+from .steady_points import require_diesel, speed_range, steady_point
+from .working_point import Working, search, slack, working
+
+ADVANCE_SPEEDS, THRUSTS = 15, 13
+"""Nodes of the surface."""
+
+_TRIALS = (161, 81)  # shaft speeds and pitches of the search that SLSQP starts from
+_NO_REACH = 0.7  # share of the least thrust at which the surface has nothing more to say
+_LEAST_J = 0.02  # of the working range: at J = 0 the efficiency vanishes whatever one does
+
+
+class CombinatorSurface(NamedTuple):
+    """Optimal settings over advance speed and share of the thrust range; arrays of shape (m, k)."""
+
+    advance_velocity: NDArray[np.float64]  # [m/s], shape (m,)
+    least_thrust: NDArray[np.float64]  # of one propeller [N], shape (m,)
+    most_thrust: NDArray[np.float64]  # [N], shape (m,)
+    share: NDArray[np.float64]  # of the range between them, shape (k,)
+    shaft_speed: NDArray[np.float64]  # [rad/s]
+    pitch_ratio: NDArray[np.float64]  # [-]
+    refined: float  # share of nodes at which SLSQP converged; the rest stay at the search's best
+
+
+class _Optimum:
+    """The paper's problem at one advance speed; x = (omega / omega_max, p)."""
+
+    def __init__(self, ship: Ship, fit: OpenWaterFit, advance_velocity: float) -> None:
+        self.plant, self.fit, self.velocity = ship.record(), fit, advance_velocity
+        low, self.top = speed_range(ship)
+        screw = ship.propeller
+        self.bounds = [
+            (low / self.top, 1.0),
+            (max(screw.pitch_ratio_min, 0.1), screw.pitch_ratio_max),
+        ]
+        self._known: dict[bytes, Working] = {}
+        speeds = np.linspace(low, self.top, _TRIALS[0])
+        pitches = np.linspace(*self.bounds[1], _TRIALS[1])
+        room = np.zeros((speeds.size * pitches.size, 4))
+        count = search(self.plant, fit.thrust, fit.torque, advance_velocity, speeds, pitches, room)
+        self.trials = room[:count]  # (omega, p, thrust, cost) of each allowed setting
+
+    def at(self, x: Any) -> Working:
+        """Working point at x, remembered: cost and constraints are asked at the same places."""
+        key = np.asarray(x).tobytes()
+        if key not in self._known:
+            self._known[key] = working(
+                self.plant, self.fit.thrust, self.fit.torque, self.velocity,
+                float(x[0]) * self.top, float(x[1]),
+            )  # fmt: skip
+        return self._known[key]
+
+    def room(self, x: Any) -> list[float]:
+        """The inequality constraints at x, each kept where it is not negative."""
+        w = self.at(x)
+        return [
+            TORQUE_MARGIN - w.torque_share, w.efficiency_slope, 1.0 - w.burrill, w.advance_room
+        ]  # fmt: skip
+
+    def best(self, thrust: float) -> tuple[NDArray[np.float64], bool]:
+        """Optimal x at a thrust [N] and whether SLSQP converged to it."""
+        near = self.trials[np.argsort(np.abs(self.trials[:, 2] / thrust - 1.0))[:60]]
+        costs = near[:, 3] * (thrust / near[:, 2]) ** 1.5  # power goes as T^1.5
+        start = near[int(np.argmin(costs)), :2] / (self.top, 1.0)
+        scale = float(self.at(start).cost)
+
+        def cost(x: Any) -> float:
+            return float(self.at(x).cost) / scale
+
+        def shortfall(x: Any) -> float:
+            return float(self.at(x).thrust) / thrust - 1.0
+
+        solve: Any = minimize  # its stubs know no constraints that return a list
+        found = solve(
+            cost,
+            start,
+            method="SLSQP",
+            bounds=self.bounds,
+            constraints=[
+                {"type": "eq", "fun": shortfall},
+                {"type": "ineq", "fun": self.room},
+            ],
+            options={"maxiter": 100, "ftol": 1e-9},
+        )
+        reached = self.at(found.x)
+        met = abs(reached.thrust / thrust - 1.0) < 1e-4 and slack(reached) > -1e-3
+        return (found.x, True) if found.success and met else (start, False)
+
+
+def _fastest(ship: Ship) -> float:
+    """Advance speed [m/s] at the ship's highest speed in calm water, with a twentieth to spare."""
+    top = steady_point(ship, speed_range(ship)[1], full_pitch(ship))
+    return 1.05 * top.advance_velocity
+
+
+@functools.lru_cache(maxsize=16)
+def combinator_surface(ship: Ship) -> CombinatorSurface:
+    """Solve the paper's problem over the ship's advance speeds and thrusts.
+
+    Args:
+        ship: a ship with a diesel and a propeller of controllable pitch.
+
+    Raises:
+        ShipError: another kind of ship, or open-water curves that the surfaces do not fit.
+        ValueError: at some advance speed no setting keeps all constraints.
+    """
+    require_diesel(ship)
+    fit = fit_open_water(ship)
+    low = speed_range(ship)[0]
+    slowest = _LEAST_J * low / (2.0 * math.pi) * ship.propeller.diameter_m
+    share = np.linspace(0.0, 1.0, THRUSTS)
+    rows = []
+    converged = 0
+    for velocity in np.linspace(slowest, _fastest(ship), ADVANCE_SPEEDS):
+        problem = _Optimum(ship, fit, float(velocity))
+        thrusts = problem.trials[:, 2]
+        if len(thrusts) == 0:
+            break  # faster than the ship can be driven
+        least, most = float(thrusts.min()), float(thrusts.max())
+        answers = [problem.best(least + part * (most - least)) for part in share]
+        converged += sum(well for _, well in answers)
+        x = np.array([answer for answer, _ in answers])
+        rows.append((velocity, least, most, x[:, 0] * problem.top, x[:, 1]))
+    if len(rows) < 2:
+        raise ValueError(f"{ship.name}: at {velocity:.2f} m/s no setting keeps all constraints")
+    velocities, least_thrust, most_thrust, speeds, pitches = (
+        np.array(column) for column in zip(*rows, strict=True)
+    )
+    refined = converged / (len(rows) * THRUSTS)
+    return CombinatorSurface(velocities, least_thrust, most_thrust, share, speeds, pitches, refined)
+
+
+class Setting(NamedTuple):
+    """What the surface answers; arrays of shape (n,)."""
+
+    shaft_speed: NDArray[np.float64]  # [rad/s]
+    pitch_ratio: NDArray[np.float64]  # [-]
+    thrust: NDArray[np.float64]  # to aim at: the ordered one, at most what can be reached [N]
+    reach: NDArray[np.float64]  # 1 on the surface, falling to 0 for thrusts far below its edge
+
+
+def look_up(table: CombinatorSurface, thrust: Any, advance_velocity: Any) -> Setting:
+    """Optimal setting by bilinear interpolation.
+
+    Args:
+        table: the surface.
+        thrust: ordered thrust of one propeller [N], shape (n,). Below the surface's lower edge the
+            gradient constraint leaves no setting; the edge's is given, with a smaller ``reach``.
+        advance_velocity: v_a [m/s], shape (n,); held inside the table.
+    """
+    nodes = table.advance_velocity
+    velocity = np.clip(np.asarray(advance_velocity, dtype=np.float64), nodes[0], nodes[-1])
+    row = np.clip(np.searchsorted(nodes, velocity) - 1, 0, len(nodes) - 2)
+    across = (velocity - nodes[row]) / (nodes[row + 1] - nodes[row])
+    least = np.interp(velocity, nodes, table.least_thrust)
+    most = np.interp(velocity, nodes, table.most_thrust)
+    held = np.clip(np.asarray(thrust, dtype=np.float64), least, most)
+    place = (held - least) / (most - least) * (len(table.share) - 1)
+    column = np.clip(place.astype(np.int64), 0, len(table.share) - 2)
+    along = place - column
+
+    def blend(z: NDArray[np.float64]) -> NDArray[np.float64]:
+        near = z[row, column] * (1.0 - along) + z[row, column + 1] * along
+        far = z[row + 1, column] * (1.0 - along) + z[row + 1, column + 1] * along
+        return np.asarray(near * (1.0 - across) + far * across)
+
+    reach = np.clip((np.asarray(thrust) / least - _NO_REACH) / (1.0 - _NO_REACH), 0.0, 1.0)
+    aim = np.minimum(thrust, most)
+    return Setting(blend(table.shaft_speed), blend(table.pitch_ratio), aim, reach)

@@ -1,0 +1,164 @@
+"""CPP optimiser: pitch and shaft speed of least fuel for the thrust that the lever orders.
+
+The control scheme of the CPP optimiser paper, its sections 2.3 and 4. The observer's advance speed and
+the measured shaft speed and pitch give the working point J; the fitted thrust surface gives the thrust
+there. The lever's order is a thrust. A combinator surface, optimised beforehand, gives pitch and shaft
+speed for ordered thrust and actual advance speed; a thrust controller trims the shaft speed until the
+estimated thrust is the ordered one; the governor underneath moves the rack. Where the observer does not
+vouch for its estimate, or the ordered thrust lies below the surface, the plain combinator takes over,
+smoothly.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..plant.compiled import compiled
+from ..plant.hull import resistance
+from ..plant.ship import Ship, load_ship
+from .combinator import Combinator, actions
+from .combinator_surface import Setting, combinator_surface, look_up
+from .governor import RESPONSE_S
+from .interface import Readings, readings
+from .open_water_fit import fit_open_water, surface
+from .steady_points import speed_range
+
+FILTER_S = 8.0
+"""Time constant of the filters on estimated advance speed and thrust [s]: longer than a wave."""
+
+THRUST_INTEGRAL_S = 20.0
+"""Time in which the thrust controller removes a thrust error [s]: slower than the filters."""
+
+TRUST_S = 5.0
+"""Time constant with which combinator and optimiser hand over to each other [s]."""
+
+TRIM_SHARE = 0.2
+"""Largest trim of the thrust controller, as a share of the highest shaft speed."""
+
+INTEGRAL, ADVANCE, THRUST, TRIM, TRUST = range(5)
+"""Columns of the state: governor's integral [mm], filtered advance speed [m/s] and thrust [N], trim
+of the shaft speed [rad/s], trust in the estimate [0 to 1]."""
+
+
+@compiled
+def _thrusts(
+    matrix: NDArray[np.float64],
+    advance_velocity: NDArray[np.float64],
+    shaft_speed: NDArray[np.float64],
+    pitch_ratio: NDArray[np.float64],
+    diameter: float,
+    density: float,
+    thrust: NDArray[np.float64],
+) -> None:
+    """Thrust of one propeller [N] by the fitted surface; J is held at 0 and at P/D."""
+    for i in range(len(thrust)):
+        n = max(shaft_speed[i] * (0.5 / math.pi), 1e-3)
+        j = min(max(advance_velocity[i] / (n * diameter), 0.0), max(pitch_ratio[i], 0.0))
+        thrust[i] = surface(matrix, j, pitch_ratio[i]) * density * diameter**4 * n * n
+
+
+class CppOptimiser:
+    """The optimal control of a controllable-pitch propeller.
+
+    Args:
+        ship: a ship with a diesel and a propeller of controllable pitch, or its name. The combinator
+            surface takes some seconds to work out and is kept for the next instance.
+        interval_s: control interval of the environment [s].
+        response_s: time constant of the governed shaft [s].
+
+    State: shape (n, 5), columns :data:`INTEGRAL` to :data:`TRUST`.
+    """
+
+    def __init__(
+        self, ship: str | Ship = "frigate", interval_s: float = 0.5, response_s: float = RESPONSE_S
+    ) -> None:
+        self.ship = load_ship(ship)
+        self.fit = fit_open_water(self.ship)
+        self.surface = combinator_surface(self.ship)
+        self.combinator = Combinator(self.ship, interval_s, response_s=response_s)
+        self._interval = interval_s
+        self._top = speed_range(self.ship)[1]
+
+    def ordered_thrust(self, speed_order: Any) -> NDArray[np.float64]:
+        """Thrust of one propeller [N] that holds an ordered speed [m/s] in calm water, shape (n,)."""
+        plant = self.ship.record()
+        push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
+        orders = np.atleast_1d(np.asarray(speed_order, dtype=np.float64))
+        highest = self.combinator.curve.ship_speed[-1]
+        return np.array([resistance(plant, min(max(v, 0.0), highest), 1.0) / push for v in orders])
+
+    def thrust(self, seen: Readings) -> NDArray[np.float64]:
+        """Thrust of one propeller [N] at the working point that the estimate tells, shape (n,)."""
+        found = np.zeros(len(seen.shaft_speed))
+        screw = self.ship.propeller
+        _thrusts(
+            self.fit.thrust,
+            np.ascontiguousarray(seen.advance_velocity),
+            np.ascontiguousarray(seen.shaft_speed),
+            np.clip(seen.pitch_ratio, screw.pitch_ratio_min, screw.pitch_ratio_max),
+            screw.diameter_m,
+            self.ship.water.density_kg_m3,
+            found,
+        )
+        return found
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Actions; see :class:`shaftline.baselines.interface.Controller`."""
+        seen = readings(observation)
+        valid = (seen.estimate_valid > 0.5) & np.isfinite(seen.advance_velocity)
+        estimate = self.thrust(seen)
+        plain_pitch, plain_speed = self.combinator.set_points(seen.speed_order)
+        memory = np.zeros((len(valid), 5))
+        begins = np.ones(len(valid), dtype=bool)
+        if state is not None:
+            memory = np.array(state, dtype=np.float64)
+            begins = np.zeros(len(valid), dtype=bool)
+            if episode_start is not None:
+                begins = np.broadcast_to(np.atleast_1d(episode_start), begins.shape).astype(bool)
+        # a filter that has heard nothing yet starts at what it hears first
+        memory[begins] = 0.0
+        hears_first = valid & (memory[:, ADVANCE] == 0.0) & (memory[:, THRUST] == 0.0)
+        memory[hears_first, ADVANCE] = seen.advance_velocity[hears_first]
+        memory[hears_first, THRUST] = estimate[hears_first]
+        memory[begins, TRUST] = valid[begins]
+
+        keep = math.exp(-self._interval / FILTER_S)
+        for column, heard in ((ADVANCE, seen.advance_velocity), (THRUST, estimate)):
+            filtered = keep * memory[:, column] + (1.0 - keep) * heard
+            memory[:, column] = np.where(valid, filtered, memory[:, column])
+        gives = math.exp(-self._interval / TRUST_S)
+        memory[:, TRUST] = gives * memory[:, TRUST] + (1.0 - gives) * valid
+
+        setting = look_up(self.surface, self.ordered_thrust(seen.speed_order), memory[:, ADVANCE])
+        memory[:, TRIM] = self._trimmed(memory, setting, valid)
+        share = memory[:, TRUST] * setting.reach
+        speed = share * (setting.shaft_speed + memory[:, TRIM]) + (1.0 - share) * plain_speed
+        pitch = share * setting.pitch_ratio + (1.0 - share) * plain_pitch
+        governor = self.combinator.governor
+        fresh = governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
+        integral = np.where(begins, fresh, memory[:, INTEGRAL])
+        rack, memory[:, INTEGRAL] = governor.command(speed, seen.shaft_speed, integral)
+        return actions(self.ship, observation, pitch, rack), memory
+
+    def _trimmed(
+        self, memory: NDArray[np.float64], setting: Setting, valid: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Integral thrust controller: as T goes with omega^2, d omega / d T = omega / (2 T).
+
+        It rests where the optimiser does not act.
+        """
+        error = (setting.thrust - memory[:, THRUST]) / np.maximum(setting.thrust, 1.0)
+        rate = 0.5 * setting.shaft_speed * np.clip(error, -1.0, 1.0) / THRUST_INTEGRAL_S
+        acting = np.where(valid, setting.reach, 0.0)
+        trim = memory[:, TRIM] + acting * rate * self._interval
+        return np.asarray(np.clip(trim, -TRIM_SHARE * self._top, TRIM_SHARE * self._top))

@@ -1,0 +1,220 @@
+"""Observer of the torque that a propeller loses against bollard pull (Pivano et al. 2008, section 3).
+
+The paper ("A four-quadrant thrust controller for marine propellers with loss estimation and
+anti-spin", eqs. 1 to 13) puts a fixed-pitch propeller behind an electric motor whose torque is known.
+Here the known torque is the shaft gauge's, so the inertia is what turns behind the gauge alone, and
+the propeller's torque at zero advance follows the measured pitch.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..observers.base import model_torque
+from ..plant.compiled import Record, compiled
+from ..plant.shaft import friction_torque
+from ..plant.ship import PLANT, Ship
+
+TORQUE_LOSS_OBSERVER = np.dtype(
+    [
+        ("dt", np.float64),  # [s]
+        ("inertia", np.float64),  # J_m, behind the gauge [kg m2]
+        ("speed_gain", np.float64),  # l1 [N m s/rad]
+        ("loss_gain", np.float64),  # l2 [N m/rad]
+        ("time_constant", np.float64),  # tau [s]
+        ("ship", PLANT),
+    ],
+    align=True,
+)
+
+TORQUE_LOSS = np.dtype(
+    [
+        ("started", np.int64),
+        ("shaft_speed", np.float64),  # omega-hat [rad/s]
+        ("torque_loss", np.float64),  # Delta_q-hat [N m]; negative where torque is lost
+        ("speed_reading", np.float64),  # of the last sample
+        ("torque_reading", np.float64),
+        ("pitch_reading", np.float64),
+    ],
+    align=True,
+)
+
+
+def observer_weights(
+    speed_gain: float, loss_gain: float, time_constant: float, inertia: float, viscous: float
+) -> tuple[float, float]:
+    """Weights a11, a22 > 0 of the Lyapunov function that satisfy the paper's condition A2.
+
+    With r = a11 / (J a22), A2 reads |r + l2| < 2 sqrt(r c), c = (k_f2 + l1) / tau. For l2 < 0 the
+    left side vanishes at r = -l2. For l2 >= 0, r - 2 sqrt(c r) + l2 < 0 is easiest at r = c, where it
+    says l2 < c: then and only then weights exist.
+
+    Args:
+        speed_gain: l1 [N m s/rad].
+        loss_gain: l2 [N m/rad].
+        time_constant: tau [s].
+        inertia: J_m [kg m2].
+        viscous: k_f2 [N m s/rad].
+
+    Returns:
+        a11 and a22 = 1; only their ratio matters.
+
+    Raises:
+        ValueError: a gain is not finite, tau or J is not positive, or A1 or A2 is violated; the
+            message names the condition.
+    """
+    if not all(map(math.isfinite, (speed_gain, loss_gain, time_constant, inertia, viscous))):
+        raise ValueError("torque-loss observer: every gain must be a finite number")
+    if time_constant <= 0.0 or inertia <= 0.0:
+        raise ValueError(
+            f"torque-loss observer: time constant {time_constant:g} s and inertia {inertia:g} kg m2 "
+            "must be positive"
+        )
+    if not speed_gain > -viscous:
+        raise ValueError(
+            f"torque-loss observer: condition A1 is violated: l1 = {speed_gain:g} N m s/rad must "
+            f"exceed -k_f2 = {-viscous:g}"
+        )
+    bound = (viscous + speed_gain) / time_constant
+    if not loss_gain < bound:
+        raise ValueError(
+            f"torque-loss observer: condition A2 is violated: l2 = {loss_gain:g} N m/rad must be "
+            f"below (k_f2 + l1) / tau = {bound:g}, or no a11, a22 > 0 exist"
+        )
+    ratio = -loss_gain if loss_gain < 0.0 else bound
+    return inertia * ratio, 1.0
+
+
+@dataclass(frozen=True)
+class TorqueLossObserver:
+    """Tuning of the observer, per inertia, so that it carries over from ship to ship.
+
+    The paper prints no gains. Ours place the poles of shaft and loss at -4 and -8 rad/s where the
+    propeller gives no damping; it adds some. Faster ones gain little on readings 0.5 s apart. The time
+    constant is long because in a steady state the estimate is tau |l2| / (tau |l2| + l1 + slope of psi)
+    of the loss.
+    """
+
+    speed_rate: float = 12.0  # l1 / J [1/s]
+    loss_rate: float = -32.0  # l2 / J [1/s2]
+    time_constant_s: float = 500.0  # tau [s]
+
+    def discretise(self, ship: Ship, dt: float) -> Any:
+        """TORQUE_LOSS_OBSERVER record for a time step ``dt`` [s].
+
+        Raises:
+            ValueError: the step is not positive, or the gains violate A1 or A2.
+        """
+        if not (math.isfinite(dt) and dt > 0.0):
+            raise ValueError(f"torque-loss observer: time step {dt} s must be positive")
+        plant = ship.record()
+        record = np.zeros(1, TORQUE_LOSS_OBSERVER)[0]
+        inertia = float(plant["inertia_propeller_side"] + plant["entrained_inertia"])
+        record["dt"] = dt
+        record["inertia"] = inertia
+        record["speed_gain"] = self.speed_rate * inertia
+        record["loss_gain"] = self.loss_rate * inertia
+        record["time_constant"] = self.time_constant_s
+        record["ship"] = plant
+        observer_weights(
+            float(record["speed_gain"]),
+            float(record["loss_gain"]),
+            self.time_constant_s,
+            inertia,
+            float(plant["viscous_propeller_side"]),
+        )
+        return record
+
+
+@compiled
+def bollard_gain(ship: Record, pitch_ratio: float) -> float:
+    """G_Qp [N m s2/rad2] of the torque G_Qp omega^2 at zero advance speed (eqs. 3 and 16).
+
+    One value for both directions of rotation: the diesel turns the shaft ahead only.
+    """
+    return model_torque(ship, 0.0, 1.0, pitch_ratio)
+
+
+@compiled
+def shaft_load(ship: Record, pitch_ratio: float, shaft_speed: float) -> float:
+    """Psi [N m]: propeller torque without losses plus Coulomb friction (eq. 6).
+
+    Coulomb friction is the plant's tanh instead of the paper's arc tangents; both are monotone.
+    """
+    propeller = bollard_gain(ship, pitch_ratio) * abs(shaft_speed) * shaft_speed
+    return float(propeller + friction_torque(ship.coulomb_propeller_side, 0.0, shaft_speed))
+
+
+@compiled
+def estimated_propeller_torque(ship: Record, estimate: Record) -> float:
+    """Propeller torque Q_p-hat [N m] from the two estimates (eq. 13)."""
+    omega = estimate.shaft_speed
+    return float(
+        bollard_gain(ship, estimate.pitch_reading) * abs(omega) * omega + estimate.torque_loss
+    )
+
+
+@compiled
+def update_torque_loss(
+    observer: Record, estimate: Record, shaft_speed: float, shaft_torque: float, pitch_ratio: float
+) -> None:
+    """Bring the estimate to this sample (eqs. 8 to 10); it changes in place.
+
+    Args:
+        observer: TORQUE_LOSS_OBSERVER record.
+        estimate: TORQUE_LOSS record, all zeros before the first sample.
+        shaft_speed: omega, measured [rad/s].
+        shaft_torque: Q_m, measured at the gauge [N m].
+        pitch_ratio: P/D, measured [-].
+
+    Trapezoidal rule, implicit in both estimates: an explicit one is unstable at 0.5 s. The loss enters
+    linearly and is eliminated; what is left, B omega + A |omega| omega = R with A >= 0 and (under A1
+    and A2) B > 1, has one root, in closed form. Coulomb friction is taken at the measured speed.
+    """
+    ship = observer.ship
+    viscous = ship.viscous_propeller_side
+    l1, l2 = observer.speed_gain, observer.loss_gain
+    coulomb = friction_torque(ship.coulomb_propeller_side, 0.0, shaft_speed)
+    if estimate.started == 0:
+        # as if this sample had stood for ever
+        estimate.shaft_speed = shaft_speed
+        load = shaft_load(ship, pitch_ratio, shaft_speed) + viscous * shaft_speed
+        estimate.torque_loss = shaft_torque - load
+    else:
+        half = 0.5 * observer.dt
+        share = half / observer.inertia
+        omega, loss = estimate.shaft_speed, estimate.torque_loss
+        error = estimate.speed_reading - omega
+        bollard = bollard_gain(ship, estimate.pitch_reading) * abs(omega) * omega
+        coulomb_before = friction_torque(ship.coulomb_propeller_side, 0.0, estimate.speed_reading)
+        before = estimate.torque_reading - bollard - coulomb_before - viscous * omega - loss
+        before += l1 * error
+        # Delta_q+ = loss_free - follow omega+
+        damping = 1.0 / (1.0 + half / observer.time_constant)
+        loss_free = loss + half * (-loss / observer.time_constant + l2 * (error + shaft_speed))
+        loss_free *= damping
+        follow = damping * half * l2
+        linear = 1.0 + share * (viscous + l1 - follow)
+        square = share * bollard_gain(ship, pitch_ratio)
+        right = omega + share * (before + shaft_torque - coulomb + l1 * shaft_speed - loss_free)
+        root = math.sqrt(linear * linear + 4.0 * square * abs(right))
+        following = 2.0 * right / (linear + root)
+        estimate.shaft_speed = following
+        estimate.torque_loss = loss_free - follow * following
+    estimate.started = 1
+    estimate.speed_reading = shaft_speed
+    estimate.torque_reading = shaft_torque
+    estimate.pitch_reading = pitch_ratio
+
+
+@compiled
+def update_torque_losses(
+    observer: Record, estimates: Any, shaft_speed: Any, shaft_torque: Any, pitch_ratio: Any
+) -> None:
+    """The same for a fleet: estimates of shape (n,), readings of shape (n,) each."""
+    for i in range(len(estimates)):
+        update_torque_loss(observer, estimates[i], shaft_speed[i], shaft_torque[i], pitch_ratio[i])

@@ -1,0 +1,59 @@
+"""Fuel: consumption of a diesel engine as a polynomial surface over power and speed.
+
+The paper on the CPP optimiser (section 2.2) gives the specific consumption as a polynomial in power N
+and speed, C_s = N' C n. Its product with the power is used here, with a term free of power added, so
+that an idling engine burns fuel and nothing is divided by zero:
+
+    fuel / (C_base N_r) = sum of c_ij (N / N_r)^i (omega_e / omega_r)^j
+
+A share of 1 is the fuel of rated power at the base consumption. There is no term with i = j = 0: an
+engine at rest burns nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .compiled import Real, Record, compiled
+
+_KG_PER_J = 1e-3 / 3.6e6  # of 1 g/kWh
+
+
+@compiled
+def fuel_rate(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
+    """Fuel flow of one engine [kg/s], never negative; 0 where the ship has no fuel model.
+
+    Args:
+        plant: ship record; ``fuel_base`` 0 means no fuel model.
+        engine_speed: omega_e [rad/s]; an engine that stands or turns astern burns nothing.
+        brake_torque: M_b [N m]; below zero the surface goes on along its slope in power, down to no
+            fuel at all.
+    """
+    if plant.fuel_base <= 0.0 or engine_speed.real <= 0.0:
+        return 0.0
+    speed = engine_speed / plant.engine_speed_max
+    power = brake_torque * engine_speed / plant.fuel_rated_power
+    share = speed * (plant.fuel_p0_s1 + plant.fuel_p0_s2 * speed)
+    slope = plant.fuel_p1_s0 + speed * (plant.fuel_p1_s1 + speed * plant.fuel_p1_s2)
+    if power.real > 0.0:  # an overrun engine has no use for the bend
+        bend = plant.fuel_p2_s0 + plant.fuel_p2_s1 * speed + plant.fuel_p3_s0 * power
+        slope = slope + bend * power
+    share = share + slope * power
+    if share.real < 0.0:
+        return 0.0
+    return plant.fuel_base * _KG_PER_J * plant.fuel_rated_power * share
+
+
+@compiled
+def specific_consumption(plant: Record, engine_speed: float, brake_torque: float) -> float:
+    """Specific fuel consumption [g/kWh] of one engine; not a number where it gives no power.
+
+    Args:
+        plant: ship record.
+        engine_speed: omega_e [rad/s].
+        brake_torque: M_b [N m].
+    """
+    power = brake_torque * engine_speed
+    if power <= 0.0:
+        return math.nan
+    return float(fuel_rate(plant, engine_speed, brake_torque) / (power * _KG_PER_J))

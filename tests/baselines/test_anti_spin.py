@@ -1,0 +1,229 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.baselines.anti_spin import AntiSpin, AntiSpinTuning, check_gains
+from shaftline.baselines.anti_spin_kernel import gauge_jump, thrust_per_torque
+from shaftline.baselines.calm_water import calm_water_table
+from shaftline.baselines.torque_loss import TorqueLossObserver
+from shaftline.baselines.ventilation_detection import (
+    DETECTION,
+    VentilationDetector,
+    torque_ratio,
+    update_detection,
+)
+from shaftline.observers.base import model_torque
+from shaftline.plant import Ship, equilibrium, load_ship
+from shaftline.plant.dynamics import evaluate
+from shaftline.plant.prime_mover import rack_torque, torque_limit
+from shaftline.plant.propeller import open_water
+
+CRUISE = [8.0, 9.6, 1.2e5, 1.4, 19.0, 8.0, 7.6, 1.0]
+
+
+@pytest.fixture(scope="module")
+def controller(frigate: Ship) -> AntiSpin:
+    return AntiSpin(frigate)
+
+
+# gains
+
+
+@pytest.mark.parametrize(
+    ("condition", "gains"),
+    [
+        ("B1", (0.0, 10.0, 1.0)),
+        ("B2", (1.0, -1.0, 1.0)),
+        ("B2", (1.0, 99.0, 1.0)),  # gamma J_m - k_f2 = 99.5
+        ("B3", (1.0, 200.0, 0.0)),
+        ("B3", (0.004, 200.0, 0.0003)),  # -J_m gamma^2 + gamma k_f2 = 0.0004
+        ("finite", (math.nan, 10.0, 1.0)),
+    ],
+)
+def test_each_condition_is_named(condition: str, gains: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match=condition):
+        check_gains(*gains, inertia=100.0, viscous=0.5)
+
+
+@pytest.mark.parametrize("gains", [(1.0, 99.6, 1.0), (0.004, 200.0, 0.0005)])
+def test_gains_within_the_conditions_pass(gains: tuple[float, float, float]) -> None:
+    check_gains(*gains, inertia=100.0, viscous=0.5)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gamma": -0.1},
+        {"proportional_rate": 0.05},
+        {"integral_rate": -1.0},
+        {"cutoff_rad_s": 0.0},
+        {"ventilated_speed": 0.0},
+        {"observer": TorqueLossObserver(loss_rate=1.0)},
+        {"detector": VentilationDetector(on_below=0.8, off_above=0.7)},
+        {"detector": VentilationDetector(blend_gain=0.0)},
+        {"detector": VentilationDetector(hold_s=-1.0)},
+    ],
+)
+def test_bad_tuning_is_refused(frigate: Ship, change: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"anti-spin|observer|detector"):
+        AntiSpin(frigate, tuning=replace(AntiSpinTuning(), **change))
+
+
+def test_numbers_of_the_tuning_go_by_name(frigate: Ship) -> None:
+    assert AntiSpin(frigate, ventilated_speed=0.8).settings["ventilated_speed"] == 0.8
+    with pytest.raises(TypeError, match="nonsense"):
+        AntiSpin(frigate, nonsense=1.0)
+
+
+def test_engine_stays_within_its_envelope(controller: AntiSpin, frigate: Ship) -> None:
+    # full ahead ordered at idle speed: the law asks for far more than the engine has there
+    observation = np.array([12.0, 5.0, 3e4, 1.4, 15.0, 2.0, 2.0, 1.0])
+    state: Any = None
+    for _ in range(10):
+        action, state = controller.predict(observation, state)
+    plant = frigate.record()
+    engine_speed = 5.0 * float(plant["gear_ratio"])
+    limit = torque_limit(plant, engine_speed)
+    assert state["shaft_torque"][0] > 7.38 * 0.95 * limit
+    rack = 0.5 * (float(action[1]) + 1.0) * float(plant["drive_max"])
+    assert rack_torque(plant, engine_speed, rack) == pytest.approx(limit, rel=1e-5)
+    # and the integral has not wound up meanwhile
+    assert state["error_integral"][0] == 0.0
+
+
+def test_only_diesel_ships_are_taken() -> None:
+    with pytest.raises(ValueError, match="diesel"):
+        AntiSpin(load_ship("tito-neri-sine"))
+
+
+# parts
+
+
+def test_table_holds_steady_states(frigate: Ship) -> None:
+    table = calm_water_table(frigate)
+    assert np.all(np.diff(table.ship_speed) > 0.0)
+    point = table.at(np.array([8.0]))
+    rack = 19.5
+    steady = equilibrium(frigate, rack, float(point.pitch_ratio[0]))
+    at = table.at(np.array([steady.state.ship_speed]))
+    assert at.shaft_speed[0] == pytest.approx(steady.state.shaft_speed, rel=1e-3)
+    assert at.thrust[0] == pytest.approx(steady.outputs.thrust, rel=0.01)
+
+
+def test_torque_ratio_compares_with_the_nominal_torque(frigate: Ship) -> None:
+    plant, detector = frigate.record(), VentilationDetector().discretise(0.5)
+    nominal = model_torque(plant, 0.95 * 8.0, 9.6, 1.4)
+    assert torque_ratio(detector, plant, nominal, 9.6, 1.4, 8.0) == pytest.approx(1.0)
+    assert torque_ratio(detector, plant, 0.4 * nominal, 9.6, 1.4, 8.0) == pytest.approx(
+        0.4, abs=1e-6
+    )
+    # blended away near standstill, and where the propeller idles
+    assert torque_ratio(detector, plant, 0.0, 0.1, 1.4, 0.0) > 0.99
+    assert torque_ratio(detector, plant, -1e4, 6.0, 1.0, 8.0) == 1.0
+
+
+def test_hysteresis_and_hold_time() -> None:
+    detector = VentilationDetector(on_below=0.6, off_above=0.8, hold_s=1.5).discretise(0.5)
+    detection = np.zeros(1, DETECTION)[0]
+    states = []
+    for ratio in (0.7, 0.59, 0.9, 0.9, 0.9, 0.7, 0.5, 0.7, 0.7, 0.7, 0.79, 0.81):
+        update_detection(detector, detection, ratio)
+        states.append(int(detection["ventilating"]))
+    assert states == [0, 1, 1, 1, 0, 0, 1, 1, 1, 1, 1, 0]
+
+
+def test_gauge_jumps_with_the_fuel_as_the_plant_says(frigate: Ship) -> None:
+    plant = frigate.record()
+    start = equilibrium(frigate, 20.0, 1.4)
+    readings = [
+        evaluate(plant, start.state, start.inputs._replace(drive=rack), 1.4, False)[1].shaft_torque
+        for rack in (20.0, 26.0)
+    ]
+    engine_speed = float(plant["gear_ratio"]) * start.state.shaft_speed
+    jump = gauge_jump(plant, engine_speed, 20.0, 26.0)
+    assert jump == pytest.approx(readings[1] - readings[0])
+
+
+def test_thrust_per_torque_is_the_propellers(controller: AntiSpin, frigate: Ship) -> None:
+    plant = frigate.record()
+    for j in (0.2, 0.7, 1.1):
+        torque = model_torque(plant, j * 4.2 * 10.0 / (2.0 * math.pi), 10.0, 1.4)
+        expected = open_water(plant["kt"], j, 1.4) / (4.2 * open_water(plant["kq"], j, 1.4))
+        found = thrust_per_torque(controller.settings, torque, 10.0, 1.4)
+        assert found == pytest.approx(expected)
+    # held at the end of the working range, however little torque is left
+    ends = [thrust_per_torque(controller.settings, torque, 10.0, 1.4) for torque in (1e3, -1e5)]
+    assert ends[0] == ends[1] > 0.0
+
+
+# predict
+
+
+def test_filter_is_the_papers(frigate: Ship) -> None:
+    tuning = AntiSpinTuning(cutoff_rad_s=1.5, damping=1.0)
+    turn = AntiSpin(frigate, 0.5, tuning=tuning).settings["filter"]
+    # a critically damped filter: what is left of a step after t is (1 + w t) exp(-w t)
+    assert turn[0, 0] == pytest.approx((1.0 + 0.75) * math.exp(-0.75))
+    assert turn[0, 1] == pytest.approx(0.5 * math.exp(-0.75))
+
+
+def test_single_equals_batch(frigate: Ship, controller: AntiSpin) -> None:
+    rng = np.random.default_rng(0)
+    fleet_state: Any = None
+    states: list[Any] = [None] * 4
+    for k in range(40):
+        observations = np.array(CRUISE) * rng.uniform(0.3, 1.5, (4, 8))
+        starts = np.array([k == 17, False, False, False])
+        actions, fleet_state = controller.predict(observations, fleet_state, starts)
+        for i in range(4):
+            action, states[i] = controller.predict(observations[i], states[i], starts[i : i + 1])
+            assert action.shape == (2,)
+            assert action.dtype == np.float32
+            np.testing.assert_array_equal(action, actions[i])
+            np.testing.assert_array_equal(states[i][0], fleet_state[i])
+
+
+def test_the_state_passed_in_is_left_alone(controller: AntiSpin) -> None:
+    _, state = controller.predict(CRUISE)
+    before = state.copy()
+    first, _ = controller.predict(CRUISE, state)
+    np.testing.assert_array_equal(state, before)
+    second, _ = controller.predict(CRUISE, state)
+    np.testing.assert_array_equal(first, second)
+
+
+def test_an_episodes_start_forgets(controller: AntiSpin) -> None:
+    fresh, _ = controller.predict(CRUISE)
+    _, state = controller.predict(np.array(CRUISE) * 0.7)
+    again, _ = controller.predict(CRUISE, state, np.array([True]))
+    np.testing.assert_array_equal(again, fresh)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
+@pytest.mark.parametrize("first", [True, False])
+def test_bad_readings_give_a_finite_action(controller: AntiSpin, bad: float, first: bool) -> None:
+    state = None if first else controller.predict(CRUISE)[1]
+    for columns in [[c] for c in range(8)] + [list(range(8))]:
+        observation = np.array(CRUISE)
+        observation[columns] = bad
+        memory = state
+        for _ in range(5):
+            action, memory = controller.predict(observation, memory)
+            assert np.all(np.abs(action) <= 1.0)
+        action, memory = controller.predict(CRUISE, memory)
+        assert np.all(np.isfinite(action))
+
+
+def test_random_readings_give_a_finite_action(controller: AntiSpin) -> None:
+    rng = np.random.default_rng(5)
+    state: Any = None
+    for _ in range(200):
+        exponent = rng.uniform(-3.0, 9.0, (64, 8))
+        observations = rng.choice([-1.0, 1.0], (64, 8)) * 10.0**exponent
+        action, state = controller.predict(observations, state)
+        assert np.all(np.abs(action) <= 1.0)

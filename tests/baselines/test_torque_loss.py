@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shaftline.baselines.torque_loss import (
+    TORQUE_LOSS,
+    TorqueLossObserver,
+    bollard_gain,
+    estimated_propeller_torque,
+    observer_weights,
+    shaft_load,
+    update_torque_loss,
+    update_torque_losses,
+)
+from shaftline.plant import Equilibrium, Schedule, Ship, simulate
+
+INERTIA = 14411.0  # kg m2
+
+
+def satisfies_a2(a11: float, a22: float, l1: float, l2: float, tau: float, viscous: float) -> bool:
+    """Condition A2 as printed."""
+    return bool(
+        abs(a11 / INERTIA + a22 * l2) < 2.0 * np.sqrt(a11 * a22 * (viscous + l1) / (tau * INERTIA))
+    )
+
+
+def test_a1_is_named() -> None:
+    with pytest.raises(ValueError, match="A1"):
+        observer_weights(-3.0, -1.0, 10.0, INERTIA, viscous=2.0)
+    observer_weights(-1.0, -1.0, 10.0, INERTIA, viscous=2.0)
+
+
+def test_a2_is_named() -> None:
+    with pytest.raises(ValueError, match="A2"):
+        observer_weights(10.0, 1.2, 10.0, INERTIA, viscous=2.0)
+    observer_weights(10.0, 1.19, 10.0, INERTIA, viscous=2.0)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+def test_gains_must_be_numbers(bad: float) -> None:
+    with pytest.raises(ValueError, match="finite"):
+        observer_weights(bad, -1.0, 10.0, INERTIA, viscous=0.0)
+
+
+@pytest.mark.parametrize("tuning", [TorqueLossObserver(time_constant_s=0.0),
+                                    TorqueLossObserver(speed_rate=-1.0),
+                                    TorqueLossObserver(loss_rate=1.0)])  # fmt: skip
+def test_bad_tuning_is_refused(frigate: Ship, tuning: TorqueLossObserver) -> None:
+    with pytest.raises(ValueError, match="torque-loss observer"):
+        tuning.discretise(frigate, 0.5)
+
+
+@given(
+    l1=st.floats(1e-2, 1e6),
+    share=st.floats(-50.0, 1.9),
+    tau=st.floats(0.1, 1e3),
+    viscous=st.floats(0.0, 1e4),
+)
+def test_weights_exist_exactly_where_they_are_found(
+    l1: float, share: float, tau: float, viscous: float
+) -> None:
+    bound = (l1 + viscous) / tau
+    l2 = share * bound
+    # a11 / (J a22) over twelve decades about the bound
+    found = any(
+        satisfies_a2(INERTIA * r, 1.0, l1, l2, tau, viscous)
+        for r in bound * np.logspace(-6, 6, 1201)
+    )
+    if share < 0.999:
+        a11, a22 = observer_weights(l1, l2, tau, INERTIA, viscous)
+        assert a11 > 0.0
+        assert a22 > 0.0
+        assert satisfies_a2(a11, a22, l1, l2, tau, viscous)
+    elif share > 1.001:
+        assert not found
+        with pytest.raises(ValueError, match="A2"):
+            observer_weights(l1, l2, tau, INERTIA, viscous)
+
+
+def follow(ship: Ship, run: Any, every: int, first_loss: float = 0.0) -> tuple[Any, Any]:
+    """Estimated and true propeller torque [N m] and loss over a run, sampled every few steps."""
+    dt = ship.time_step_s * every
+    observer = TorqueLossObserver().discretise(ship, dt)
+    estimate = np.zeros(1, TORQUE_LOSS)[0]
+    rows: list[tuple[float, float, float]] = []
+    for sample in run[::every]:
+        update_torque_loss(
+            observer,
+            estimate,
+            sample["shaft_speed"],
+            sample["measured_shaft_torque"],
+            sample["measured_pitch_ratio"],
+        )
+        if not rows:
+            estimate["torque_loss"] += first_loss
+        gain = bollard_gain(observer["ship"], float(sample["pitch_ratio"]))
+        loss = sample["propeller_torque"] - gain * sample["shaft_speed"] ** 2
+        rows.append(
+            (estimate["torque_loss"], loss, estimated_propeller_torque(observer["ship"], estimate))
+        )
+    return np.array(rows).T, run[::every]
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_calm_water_loss_is_found_from_any_start(
+    frigate: Ship, design_point: Equilibrium, every: int
+) -> None:
+    run = simulate(frigate, Schedule(22.0, 1.4), 60.0, initial=design_point.state)
+    (estimated, true, torque), kept = follow(frigate, run, every, first_loss=2e5)
+    assert abs(estimated[0] / true[0] - 1.0) > 0.3
+    assert estimated[-1] == pytest.approx(true[-1], rel=0.005)
+    assert torque[-1] == pytest.approx(kept["propeller_torque"][-1], rel=0.005)
+
+
+@pytest.mark.parametrize("every", [1, 10])
+@pytest.mark.parametrize("change", [-1.0, 1.0])
+def test_steady_change_of_inflow_is_followed(
+    frigate: Ship, design_point: Equilibrium, every: int, change: float
+) -> None:
+    schedule = Schedule(22.0, 1.4, inflow=lambda t: np.where(t >= 20.0, change, 0.0))
+    run = simulate(frigate, schedule, 60.0, initial=design_point.state)
+    (estimated, true, torque), kept = follow(frigate, run, every)
+    assert abs(true[-1] / true[0] - 1.0) > 0.03
+    assert estimated[-1] == pytest.approx(true[-1], rel=0.005)
+    # the torque, a small difference of large numbers here, within 2 % from 3 s after the change
+    settled = kept["time"] >= 23.0
+    np.testing.assert_allclose(torque[settled], kept["propeller_torque"][settled], rtol=0.02)
+
+
+def test_friction_is_not_taken_for_a_loss(frigate: Ship) -> None:
+    rough = frigate.with_values(
+        {
+            "transmission.coulomb_friction_propeller_side_N_m": 5000.0,
+            "transmission.viscous_friction_propeller_side_N_m_s_rad": 400.0,
+        }
+    )
+    plant = rough.record()
+    omega, pitch, loss = 9.0, 1.3, -2.5e5
+    observer = TorqueLossObserver().discretise(rough, 0.5)
+    estimate = np.zeros(1, TORQUE_LOSS)[0]
+    at_gauge = shaft_load(plant, pitch, omega) + 400.0 * omega + loss
+    assert at_gauge == pytest.approx(
+        bollard_gain(plant, pitch) * omega**2 + 5000.0 + 400.0 * omega + loss
+    )
+    for _ in range(200):
+        update_torque_loss(observer, estimate, omega, at_gauge, pitch)
+    assert estimate["torque_loss"] == pytest.approx(loss, rel=0.005)
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.5])
+@pytest.mark.parametrize("rates", [(12.0, -32.0), (1e3, -1e5), (1e-3, -1e-3)])
+def test_no_gain_is_too_high_for_the_step(
+    frigate: Ship, dt: float, rates: tuple[float, float]
+) -> None:
+    observer = TorqueLossObserver(*rates).discretise(frigate, dt)
+    rng = np.random.default_rng(1)
+    readings = np.column_stack(
+        [rng.uniform(4.0, 14.0, 2000), rng.uniform(0.0, 3e5, 2000), rng.uniform(0.6, 1.4, 2000)]
+    )
+    readings[-400:] = (10.0, 1.3e5, 1.4)  # then quiet
+    estimate = np.zeros(1, TORQUE_LOSS)[0]
+    for reading in readings:
+        update_torque_loss(observer, estimate, *reading)
+        assert abs(estimate["shaft_speed"]) < 100.0
+    if rates[0] == 12.0:
+        assert estimate["shaft_speed"] == pytest.approx(10.0, abs=0.05)
+
+
+def test_a_fleet_is_its_ships(frigate: Ship) -> None:
+    observer = TorqueLossObserver().discretise(frigate, 0.5)
+    rng = np.random.default_rng(2)
+    fleet = np.zeros(5, TORQUE_LOSS)
+    alone = np.zeros(5, TORQUE_LOSS)
+    for _ in range(50):
+        readings = rng.uniform([4.0, 0.0, 0.6], [14.0, 3e5, 1.4], (5, 3))
+        update_torque_losses(observer, fleet, *np.ascontiguousarray(readings.T))
+        for i in range(5):
+            update_torque_loss(observer, alone[i], *readings[i])
+    np.testing.assert_array_equal(fleet, alone)

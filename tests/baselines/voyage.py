@@ -1,0 +1,75 @@
+"""A small closed loop for tests: a controller on the plant in calm water, with perfect instruments."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shaftline.plant import Ship, equilibrium
+from shaftline.plant.dynamics import MEMORY, STATE
+from shaftline.plant.fuel import fuel_rate
+from shaftline.plant.simulation import prepare, step
+from shaftline.plant.waves import calm
+
+INTERVAL_S = 0.5
+
+
+class End(NamedTuple):
+    """The plant at the end of a voyage, fuel being that of all engines."""
+
+    ship_speed: float
+    shaft_speed: float
+    pitch_ratio: float
+    fuel_flow: float
+    brake_torque: float
+    action: Any
+
+
+def sail(
+    controller: Any,
+    ship: Ship,
+    order: Any,
+    seconds: float,
+    *,
+    resistance: Any = 1.0,
+    valid: bool = True,
+    start: tuple[float, float] | None = None,
+) -> list[End]:
+    """Drive one ship by ``predict``; order and resistance are numbers or functions of time."""
+    plant, dt = ship.record(), ship.time_step_s
+    mover = ship.prime_mover
+    rack = 0.5 * mover.rack_max_mm  # type: ignore[union-attr]
+    begin = equilibrium(ship, *(start or (rack, 0.5 * ship.propeller.pitch_ratio_max + 0.2)))
+    state, memory, sea = np.zeros(1, STATE)[0], np.zeros(1, MEMORY)[0], calm()
+    for name, value in begin.state._asdict().items():
+        state[name] = value
+    prepare(plant, state, memory, sea, begin.inputs.drive, 0.0, 1.0, dt)
+    factor = resistance if callable(resistance) else (lambda t: resistance)
+    wanted = order if callable(order) else (lambda t: order)
+    advance = begin.outputs.advance_velocity
+    remembered, log = None, []
+    for k in range(round(seconds / INTERVAL_S)):
+        time = k * INTERVAL_S
+        observation = np.array(
+            [wanted(time), state["shaft_speed"], memory["shaft_torque"], memory["pitch_ratio"],
+             memory["rack"], memory["speed_log"], advance, float(valid)]
+        )  # fmt: skip
+        action, remembered = controller.predict(observation, remembered, np.array([k == 0]))
+        pitch = plant["pitch_ratio_min"] + 0.5 * (action[0] + 1.0) * (
+            plant["pitch_ratio_max"] - plant["pitch_ratio_min"]
+        )
+        drive = 0.5 * (action[1] + 1.0) * plant["drive_max"]
+        d = float(factor(time))
+        for _ in range(round(INTERVAL_S / dt)):
+            out = step(
+                plant, state, memory, sea, float(drive), float(pitch), (0.0,) * 3, (d,) * 3, dt
+            )
+        advance = out.advance_velocity
+        engine_speed = float(plant["gear_ratio"] * state["shaft_speed"])
+        fuel = float(plant["propellers"]) * fuel_rate(plant, engine_speed, out.brake_torque)
+        log.append(
+            End(float(state["ship_speed"]), float(state["shaft_speed"]), out.pitch_ratio, fuel,
+                out.brake_torque, action)
+        )  # fmt: skip
+    return log

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from .conftest import Command
+from .test_bad_input import nothing_written, refused
+
+QUICK = ("--seeds", 3, "--episode-s", 20)
+
+
+def test_controllers_are_compared(shaftline: Command, tmp_path: Path) -> None:
+    result = shaftline(
+        "evaluate", "--controller", "combinator", "--controller", "combinator:response_s=6",
+        "--task", "transit", "--sea", "state-5", "--out", tmp_path, "--render", *QUICK,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    table = pd.read_csv(tmp_path / "table.csv")
+    assert list(table["controller"]) == ["combinator", "combinator:response_s=6"]
+    assert (table["fuel_kg_nmi_low"] <= table["fuel_kg_nmi"]).all()
+    # a slower governor works the rack less
+    assert table["rack_travel_mm_min"][1] < table["rack_travel_mm_min"][0]
+    assert json.loads((tmp_path / "table.json").read_text())[0]["seeds"] == 3
+    assert (tmp_path / "comparison.png").stat().st_size > 20_000
+    assert (tmp_path / "dashboard-combinator.png").stat().st_size > 5_000
+
+
+def test_an_evaluation_goes_on_where_it_stopped(shaftline: Command, tmp_path: Path) -> None:
+    arguments = ("evaluate", "--controller", "combinator", "--out", tmp_path, *QUICK)
+    shaftline(*arguments)
+    (cell,) = (tmp_path / "cells").glob("*.json")
+    before = cell.stat().st_mtime_ns
+    shaftline(*arguments, "--observer", "oracle", "--observer", "random-walk-kalman")
+    assert cell.stat().st_mtime_ns == before
+    assert len(list((tmp_path / "cells").glob("*.json"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--controller", "autopilot"), ("unknown controller 'autopilot'", "combinator")),
+        (("--controller", "combinator:speed=1"), ("combinator:speed=1", "speed")),
+        (("--controller", "combinator:response_s=fast"), ("response_s=fast", "number")),
+        (("--controller", "combinator", "--task", "race"), ("unknown task 'race'", "transit")),
+        (("--controller", "combinator", "--sea", "state-9"), ("unknown sea 'state-9'",)),
+        (("--controller", "combinator", "--observer", "eye"), ("unknown observer 'eye'",)),
+        (("--controller", "combinator", "--ship", "tito-neri-sine"), ("tito-neri-sine",)),
+    ],
+)
+def test_bad_input(
+    shaftline: Command, tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    refused(shaftline("evaluate", *arguments, "--out", tmp_path, *QUICK), *words)
+    nothing_written(tmp_path)

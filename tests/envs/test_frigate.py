@@ -1,0 +1,233 @@
+from __future__ import annotations
+
+import pickle
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import RecordEpisodeStatistics, RecordVideo
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import shaftline.envs
+from shaftline.baselines.interface import OBSERVED
+from shaftline.envs import FrigateEnv, FrigateVectorEnv, tasks
+from shaftline.observers import observer_names
+from shaftline.plant import load_ship
+from shaftline.plant.signals import get_signal
+
+NAME = "shaftline.envs:shaftline/Frigate-v0"
+SHORT: dict[str, Any] = {"episode_s": 4.0}
+
+
+def actions(steps: int, n: int = 1, seed: int = 0) -> np.ndarray[Any, Any]:
+    # ahead of the stall, so that episodes last
+    raw = np.random.default_rng(seed).uniform(-0.2, 0.6, (steps, n, 2))
+    return raw.astype(np.float32)
+
+
+@pytest.mark.parametrize("task", tasks())
+@pytest.mark.parametrize("observer", observer_names())
+def test_checker_has_nothing_to_say(observer: str, task: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gymnasium.make(NAME, observer=observer, task=task, **SHORT)
+        check_env(env.unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("observer", observer_names())
+def test_vector_is_the_single_environment_bit_for_bit(observer: str) -> None:
+    n, steps = 5, 20
+    options = {"observer": observer, "task": "storm", "randomise": {"mass": 0.2}, **SHORT}
+    vector = FrigateVectorEnv(n, threads=2, **options)
+    batch, _ = vector.reset(seed=7)
+    plans = actions(steps, n)
+    singles = [FrigateEnv(**options) for _ in range(n)]
+    alone = [env.reset(seed=7 + i)[0] for i, env in enumerate(singles)]
+    for k in range(steps):
+        assert np.array_equal(batch, np.stack(alone))
+        batch, reward, terminated, truncated, info = vector.step(plans[k])
+        for i, env in enumerate(singles):
+            alone[i], own, term, trunc, _ = env.step(plans[k, i])
+            assert (own, term, trunc) == (reward[i], terminated[i], truncated[i])
+            if term or trunc:
+                assert np.array_equal(info["final_obs"][i], alone[i])
+                alone[i] = env.reset()[0]
+    assert vector.fleet.episodes["elapsed"].max() < steps  # episodes ended and began again
+
+
+def test_same_seed_same_episode() -> None:
+    def episode(seed: int) -> np.ndarray[Any, Any]:
+        env = FrigateEnv(task="speed-keeping", **SHORT)
+        seen = [env.reset(seed=seed)[0]]
+        seen += [env.step(action[0])[0] for action in actions(8)]
+        return np.stack(seen)
+
+    assert np.array_equal(episode(3), episode(3))
+    assert not np.array_equal(episode(3), episode(4))
+
+
+def test_time_out_truncates_and_a_stall_terminates() -> None:
+    env = FrigateEnv(sea="calm", **SHORT)
+    env.reset(seed=1)
+    *_, (_, _, terminated, truncated, _) = [env.step(a[0]) for a in actions(8)]
+    assert (terminated, truncated) == (False, True)
+    env = FrigateEnv(sea="calm")
+    env.reset(seed=1)
+    for _ in range(600):
+        _, _, terminated, truncated, info = env.step(np.array([1.0, -1.0], np.float32))
+        if terminated or truncated:
+            break
+    assert terminated
+    assert info["ended"] == "stalled"
+
+
+def test_reward_is_the_weighted_sum_of_its_terms() -> None:
+    env = FrigateEnv(task="transit", **SHORT)
+    env.reset(seed=1)
+    weights = tasks()["transit"].weights
+    for action in actions(5):
+        _, reward, _, _, info = env.step(action[0])
+        expected = -sum(getattr(weights, k) * v for k, v in info["reward_terms"].items())
+        assert reward == pytest.approx(expected)
+        assert info["fuel_flow"] > 0.0
+
+
+def test_observation_follows_the_plant_within_its_noise() -> None:
+    env = FrigateEnv(sea="state-4", sensor_noise=0.0)
+    env.reset(seed=2)
+    for action in actions(20):
+        seen, *_, info = env.step(action[0])
+    column = {name: float(seen[i]) for i, name in enumerate(OBSERVED)}
+    assert column["estimated_advance_velocity"] == pytest.approx(info["advance_velocity"], abs=0.15)
+    assert column["estimate_valid"] == 1.0
+    assert column["measured_ship_speed"] == pytest.approx(
+        float(env.fleet.states[0]["ship_speed"]), abs=0.05
+    )
+
+
+def test_bounds_are_the_registrys() -> None:
+    space = FrigateEnv().observation_space
+    assert isinstance(space, gymnasium.spaces.Box)
+    for i, name in enumerate(OBSERVED):
+        assert space.high[i] == np.float32(get_signal(name).high)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 2**20), st.sampled_from(sorted(tasks())), st.sampled_from(observer_names()))
+def test_random_actions_never_give_a_non_finite_observation(
+    seed: int, task: str, observer: str
+) -> None:
+    env = FrigateVectorEnv(32, task=task, observer=observer, episode_s=60.0)
+    env.reset(seed=seed)
+    rng = np.random.default_rng(seed)
+    for _ in range(150):
+        observation, reward, *_ = env.step(rng.uniform(-1.5, 1.5, (32, 2)))
+        assert np.isfinite(observation).all()
+        assert np.isfinite(reward).all()
+
+
+@pytest.mark.parametrize("bad", [[np.nan, 0.0], [0.0, np.inf], [0.0], [[0.0, 0.0]]])
+def test_unusable_actions_are_refused(bad: list[Any]) -> None:
+    env = FrigateEnv()
+    env.reset(seed=0)
+    before = env.fleet.states.copy()
+    with pytest.raises(ValueError, match="action"):
+        env.step(bad)
+    assert np.array_equal(env.fleet.states, before)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"task": "dancing"}, "unknown task 'dancing'"),
+        ({"observer": "eyes"}, "unknown observer 'eyes'"),
+        ({"sea": "state-9"}, "unknown sea 'state-9'"),
+        ({"ship": "tito-neri-sine"}, "diesel ship"),
+        ({"control_interval_s": 0.12}, "multiple"),
+        ({"sensor_noise": -1.0}, "sensor_noise"),
+        ({"sensor_noise": {"smell": 1.0}}, "smell"),
+        ({"randomise": {"colour": 0.1}}, "colour"),
+        ({"randomise": {"mass": 1.5}}, "mass"),
+        ({"action_mode": "sail"}, "action_mode"),
+        ({"render_mode": "human"}, "render_mode"),
+        ({"episode_s": 0.0}, "episode_s"),
+    ],
+)
+def test_bad_keywords_are_named(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        FrigateEnv(**options)
+
+
+def test_make_vec_and_subprocesses_by_id() -> None:
+    vector = gymnasium.make_vec(NAME, num_envs=3, vectorization_mode="vector_entry_point", **SHORT)
+    assert isinstance(vector.unwrapped, FrigateVectorEnv)
+    workers = gymnasium.make_vec(NAME, num_envs=2, vectorization_mode="async", **SHORT)
+    observation, _ = workers.reset(seed=7)
+    assert np.array_equal(observation[1], FrigateEnv(**SHORT).reset(seed=8)[0])
+    workers.close()
+    vector.close()
+
+
+def test_the_governor_holds_the_shaft_speed_that_is_asked() -> None:
+    env = FrigateEnv(action_mode="shaft-speed", sea="calm", sensor_noise=0.0)
+    env.reset(seed=1)
+    ship = env.fleet.ship
+    for action in (0.0, 0.4):
+        for _ in range(240):
+            env.step(np.array([0.3, action], np.float32))
+        asked = np.interp(action, [-1, 1], [350.0, 1000.0]) * np.pi / 30.0
+        held = float(env.fleet.states[0]["shaft_speed"]) * ship.transmission.gear_ratio
+        assert held == pytest.approx(asked, rel=0.01)
+
+
+def test_pickling_keeps_the_episode() -> None:
+    env = FrigateEnv(**SHORT)
+    env.reset(seed=5)
+    env.step(np.zeros(2, np.float32))
+    copy = pickle.loads(pickle.dumps(env))
+    action = np.array([0.1, 0.2], np.float32)
+    assert np.array_equal(env.step(action)[0], copy.step(action)[0])
+
+
+def test_a_frame_shows_something() -> None:
+    env = FrigateEnv(render_mode="rgb_array", **SHORT)
+    env.reset(seed=0)
+    for action in actions(6):
+        env.step(action[0])
+    frame = env.render()
+    assert frame.shape == (480, 800, 3)
+    assert frame.std() > 10.0
+
+
+def test_ships_vary_with_randomisation() -> None:
+    vector = FrigateVectorEnv(20, randomise={"resistance_coefficient": 0.1}, **SHORT)
+    vector.reset(seed=0)
+    nominal = load_ship("frigate").record()["resistance_coefficient"]
+    factors = vector.fleet.plants["resistance_coefficient"] / nominal
+    assert 0.9 <= factors.min() < 0.95
+    assert 1.05 < factors.max() <= 1.1
+
+
+def test_importing_registers_once() -> None:
+    assert "shaftline/Frigate-v0" in gymnasium.registry
+    assert shaftline.envs.FrigateEnv is FrigateEnv
+    assert RecordEpisodeStatistics(gymnasium.make(NAME)).reset(seed=0)
+
+
+def test_a_video_can_be_recorded(tmp_path: Path) -> None:
+    env: Any = RecordVideo(
+        FrigateEnv(render_mode="rgb_array", episode_s=2.0),
+        str(tmp_path / "videos"),
+        disable_logger=True,
+    )
+    env.reset(seed=0)
+    for action in actions(4):
+        env.step(action[0])
+    env.close()
+    (video,) = (tmp_path / "videos").glob("*.mp4")
+    assert video.stat().st_size > 1000
