@@ -101,7 +101,13 @@ def test_the_wheel_holds_only_the_package(tmp_path: Path) -> None:
     for folder in FOLDERS:
         expected = {f"shaftline/{f.relative_to(ROOT).as_posix()}" for f in modules(folder)}
         assert expected <= set(names)
-    for data in ("plant/ships/frigate.toml", "plant/seas.toml", "plant/data/b_series_polynomials.csv",
-                 "envs/tasks.toml", "studies/data/tito_neri_operating_points.csv", "py.typed"):  # fmt: skip
+    for data in (
+        "plant/ships/frigate.toml",
+        "plant/seas.toml",
+        "plant/data/b_series_polynomials.csv",
+        "envs/tasks.toml",
+        "studies/data/tito_neri_operating_points.csv",
+        "py.typed",
+    ):
         assert f"shaftline/{data}" in names
     assert not [name for name in names if "/tests/" in name or "/docs/" in name]
