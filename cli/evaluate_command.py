@@ -18,8 +18,9 @@ from ..baselines.interface import Controller
 from ..envs import FrigateEnv, get_task, tasks
 from ..observers import get_observer
 from ..plant import Ship, get_sea, load_ship
-from ..plant.files import write_atomically, write_json
+from ..plant.files import write_atomically, write_json, write_text
 from ..studies import figures
+from ..studies.tables import markdown
 from .console import clear_errors, console, print_table, progress
 
 _INTERVAL = 0.5
@@ -90,6 +91,7 @@ def evaluate(
             "\n".join(f"{name}: {KPIS[name]}" for name in _SHOWN), highlight=False, markup=False
         )
         write_atomically(out / "table.csv", lambda f: table.to_csv(f, index=False))
+        write_text(out / "table.md", _page(table, f"{vessel.name}, {task}, {seeds} episodes"))
         write_json(out / "table.json", table.to_dict(orient="records"))
         traces = {}
         for cell in cells[:: len(sea) * len(observer)]:
@@ -106,6 +108,18 @@ def evaluate(
                     lambda f, frame=frame: imsave(f, frame),  # type: ignore[misc]
                 )
         console.print(f"table, cells and {picture.name}: {out}", highlight=False, soft_wrap=True)
+
+
+def _page(table: pd.DataFrame, title: str) -> str:
+    """The table with its intervals as Markdown."""
+    shown = table[["controller", "sea", "observer"]].copy()
+    for name in _SHOWN:
+        middle, low, high = (table[f"{name}{end}"] for end in ("", "_low", "_high"))
+        rows = zip(middle, low, high, strict=True)
+        shown[name] = [f"{m:.2f} ({a:.2f} to {b:.2f})" if a < b else f"{m:.2f}" for m, a, b in rows]
+    meanings = "\n".join(f"- `{name}`: {KPIS[name]}" for name in _SHOWN)
+    head = "Interquartile mean over the episodes, with its 95 % bootstrap interval."
+    return f"# {title}\n\n{head}\n\n{markdown(shown)}\n\n{meanings}\n"
 
 
 def _task_ship(ship: Ship, task: str) -> Ship:

@@ -24,6 +24,7 @@ def test_controllers_are_compared(shaftline: Command, tmp_path: Path) -> None:
     # a slower governor works the rack less
     assert table["rack_travel_mm_min"][1] < table["rack_travel_mm_min"][0]
     assert json.loads((tmp_path / "table.json").read_text())[0]["seeds"] == 3
+    assert "combinator:response_s=6" in (tmp_path / "table.md").read_text()
     assert (tmp_path / "comparison.png").stat().st_size > 20_000
     assert (tmp_path / "dashboard-combinator.png").stat().st_size > 5_000
 
