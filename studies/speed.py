@@ -181,7 +181,8 @@ def main() -> None:
     print(f"{title}\n\n{text}")
     if out is not None:
         command = "python -m shaftline.studies.speed"
-        write_text(out, f"# Speed\n\nMade by `{command}`. {title}.\n\n{text}\n")
+        note = "The pace of a shared machine can double within minutes; CartPole's tells its phase."
+        write_text(out, f"# Speed\n\nMade by `{command}`. {title}. {note}\n\n{text}\n")
 
 
 if __name__ == "__main__":
