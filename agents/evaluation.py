@@ -15,6 +15,7 @@ from scipy import stats
 
 from ..baselines.interface import Controller
 from ..envs import FrigateVectorEnv
+from ..envs.kernel import TRUTH
 from ..plant.files import write_json
 
 KPIS = {
@@ -96,7 +97,7 @@ def run(
         sums.add(alive, info, reward, order, interval, gear)
         if alive[0]:
             seen = info["final_obs"][0] if terminated[0] or truncated[0] else observation[0]
-            truth = [float(info[name][0]) for name in _TRACED]
+            truth = [float(info[name][0]) for name in TRUTH]
             trace.append(
                 [len(trace) * interval, order[0], seen[3], seen[4], *truth, seen[6], seen[7]]
             )
@@ -108,11 +109,7 @@ def run(
     return sums.kpis(interval), np.array(trace, dtype=np.float64)
 
 
-_TRACED = (
-    "advance_velocity", "thrust", "fuel_flow", "ventilation", "ship_speed", "shaft_speed",
-    "shaft_torque", "brake_torque", "position",
-)  # fmt: skip
-TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *_TRACED, "estimate", "valid")
+TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTH, "estimate", "valid")
 """Columns of an episode's trace."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -67,19 +68,14 @@ def evaluate(
         for name in sea:
             if name != "task":
                 get_sea(name)
-        for text in controller:
-            make_controller(text, _task_ship(vessel, task), _INTERVAL)
+        sailed = _task_ship(vessel, task)
+        made = {text: make_controller(text, sailed, _INTERVAL) for text in controller}
         cells = [
             Setting(c, task, s, o, seeds, ship, episode_s)
             for c, s, o in itertools.product(controller, sea, observer)
         ]
-        made: dict[str, Controller] = {}
 
         def make(setting: Setting) -> Controller:
-            if setting.controller not in made:
-                made[setting.controller] = make_controller(
-                    setting.controller, _task_ship(vessel, task), _INTERVAL
-                )
             return made[setting.controller]
 
         with progress("evaluating", len(cells)) as tick:
@@ -95,10 +91,10 @@ def evaluate(
         write_json(out / "table.json", table.to_dict(orient="records"))
         traces = {}
         for cell in cells[:: len(sea) * len(observer)]:
-            _, trace = run(Setting(**{**cell.__dict__, "seeds": 1}), make(cell))
+            _, trace = run(replace(cell, seeds=1), make(cell))
             traces[cell.controller] = pd.DataFrame(trace, columns=list(TRACE))
         picture = out / "comparison.png"
-        figures.save(figures.controllers(traces, _task_ship(vessel, task)), picture)
+        figures.save(figures.controllers(traces, sailed), picture)
         if render:
             for cell in cells[:: len(sea) * len(observer)]:
                 name = "".join(c if c.isalnum() or c == "-" else "-" for c in cell.controller)

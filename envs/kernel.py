@@ -90,7 +90,6 @@ def resistance_factor(episode: Record, time: float) -> float:
 
 @compiled
 def _measure(
-    plant: Record,
     memory: Record,
     observer: Record,
     estimate: Record,
@@ -146,7 +145,7 @@ def first_observation(
         )  # fmt: skip
         episodes[i].gauge_torque = outputs.shaft_torque
         _measure(
-            plants[i], memories[i], observers[i], estimates[i], episodes[i], noise,
+            memories[i], observers[i], estimates[i], episodes[i], noise,
             states[i].shaft_speed, outputs.shaft_acceleration, outputs.advance_velocity,
             memories[i].speed_log, observation[i], speed_order(episodes[i], 0.0),
         )  # fmt: skip
@@ -280,7 +279,7 @@ def control_interval(
             truth[i, 7] = outputs.brake_torque
             truth[i, 8] = state.position
             _measure(
-                plant, memory, observers[i], estimates[i], episode, noise, shaft_speed,
+                memory, observers[i], estimates[i], episode, noise, shaft_speed,
                 outputs.shaft_acceleration, outputs.advance_velocity, log, observation[i], order,
             )  # fmt: skip
         reward[i] = 0.0
