@@ -34,20 +34,38 @@ from .tasks import TERMS, Task, get_task
 
 ACTION_MODES = ("rack", "shaft-speed")
 
-SeaChoice = str | Sea | Mapping[str, float] | Sequence[Any] | None
+SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
+
+SeaRange = tuple[Sea, Sea]
+"""Lowest and highest value of every parameter; an episode draws each uniformly between them."""
 
 
-def _seas(choice: SeaChoice, task: Task) -> list[Sea | None]:
+def _seas(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
     """The seas that an episode may draw."""
     if choice is None:
         choice = task.seas
     if isinstance(choice, str):
-        return [get_sea(choice)]
+        choice = get_sea(choice)
+        if choice is None:
+            return [None]  # calm water
     if isinstance(choice, Sea):
-        return [choice]
+        return [(choice, choice)]
     if isinstance(choice, Mapping):
-        return [Sea(**choice)]
+        ends = {name: np.atleast_1d(value).tolist() for name, value in choice.items()}
+        for name, pair in ends.items():
+            if len(pair) > 2 or pair[0] > pair[-1]:
+                raise ValueError(
+                    f"sea[{name!r}] = {choice[name]!r}: must be a number, or a lowest and a highest"
+                )
+        low, high = ({name: pair[end] for name, pair in ends.items()} for end in (0, -1))
+        return [(Sea(**low), Sea(**high))]
     return [sea for item in choice for sea in _seas(item, task)]
+
+
+def _drawn(sea: SeaRange, rng: np.random.Generator) -> Sea:
+    """One sea of a range."""
+    low, high = (end.model_dump() for end in sea)
+    return Sea(**{name: float(rng.uniform(low[name], high[name])) for name in low})
 
 
 def _noise(ship: Ship, choice: float | Mapping[str, float]) -> Any:
@@ -114,7 +132,8 @@ class Fleet:
         task: name, Task or dictionary.
         observer: name of the observer.
         tuning: its tuning.
-        sea: preset, Sea, dictionary of its parameters, or a list to draw from; the task's by default.
+        sea: preset, Sea, dictionary of its parameters (a pair of them is a range from which each
+            episode draws), or a list of those to draw from; the task's by default.
         sensor_noise: 1 for the usual instruments, 0 for perfect ones, or rms by instrument.
         control_interval_s: time between actions [s], a multiple of the plant's time step.
         randomise: half width of a uniform factor by field of the plant's record, such as
@@ -195,7 +214,9 @@ class Fleet:
         sea = self.seas_to_draw[int(rng.integers(len(self.seas_to_draw)))]
         wave_seed = int(rng.integers(2**31))
         self.seas[i] = (
-            realise(sea, self.ship.propeller.depth_m, wave_seed) if sea else np.zeros(1, SEA)[0]
+            realise(_drawn(sea, rng), self.ship.propeller.depth_m, wave_seed)
+            if sea
+            else np.zeros(1, SEA)[0]
         )
         self.episodes[i] = np.zeros(1, EPISODE)[0]
         episode["random"] = rng.integers(2**63, dtype=np.uint64)
@@ -231,13 +252,14 @@ class Fleet:
         if pool is None:
             self._step(action, 0, self.n)
             return
-        workers = pool._max_workers
-        bounds = np.linspace(0, self.n, workers + 1).astype(int)
-        list(pool.map(self._step, [action] * workers, bounds[:-1], bounds[1:]))
+        # more shares than threads, so that no thread waits long for another on a busy machine
+        shares = min(4 * pool._max_workers, self.n)
+        bounds = np.linspace(0, self.n, shares + 1).astype(int)
+        list(pool.map(self._step, [action] * shares, bounds[:-1], bounds[1:]))
 
     def _step(self, action: NDArray[np.float32], first: int, last: int) -> None:
         control_interval(
             self.plants, self.states, self.memories, self.seas, self.observers, self.estimates,
             self.episodes, self.noise, self.weights, self.gains, action, self.steps, self.dt,
-            first, last,            self.observation, self.terms, self.reward, self.truth, self.ended,
+            first, last, self.observation, self.terms, self.reward, self.truth, self.ended,
         )  # fmt: skip

@@ -69,7 +69,8 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         task: ``speed-keeping``, ``transit``, ``storm``, or a dictionary of its fields.
         observer: name of the observer; ``oracle`` shows the truth.
         tuning: its tuning.
-        sea: preset, parameters, or a list to draw from at reset; the task's by default.
+        sea: preset; parameters, such as ``{"hs_m": (1.0, 5.0), "tp_s": 9.0}``, where a pair is a range
+            from which each episode draws; or a list of those to draw from; the task's by default.
         sensor_noise: 1 for the usual instruments, 0 for perfect ones, or rms by instrument.
         control_interval_s: time between actions [s].
         episode_s: length of an episode [s].

@@ -21,7 +21,7 @@ from ..plant.compiled import Record, compiled
 from ..plant.fuel import fuel_rate
 from ..plant.prime_mover import rack_torque, torque_limit
 from ..plant.simulation import observe, step
-from .randomness import two_normals
+from .randomness import normal
 from .tasks import TERMS
 
 MAX_ORDERS = 64
@@ -103,14 +103,11 @@ def _measure(
     order: float,
 ) -> None:
     """Read the noisy instruments, let the observer follow, and fill an observation."""
-    n1, n2 = two_normals(episode)
-    n3, n4 = two_normals(episode)
-    speed = shaft_speed + noise.shaft_speed * n1
-    torque = memory.shaft_torque + noise.shaft_torque * n2
-    pitch = memory.pitch_ratio + noise.pitch_ratio * n3
-    reading = Measurement(
-        speed, torque, pitch, acceleration + noise.shaft_acceleration * n4, advance_velocity
-    )
+    speed = shaft_speed + noise.shaft_speed * normal(episode)
+    torque = memory.shaft_torque + noise.shaft_torque * normal(episode)
+    pitch = memory.pitch_ratio + noise.pitch_ratio * normal(episode)
+    acceleration += noise.shaft_acceleration * normal(episode)
+    reading = Measurement(speed, torque, pitch, acceleration, advance_velocity)
     episode.measured_shaft_speed = speed
     velocity = update(observer, estimate, reading)
     row[0] = order
@@ -118,7 +115,7 @@ def _measure(
     row[2] = torque
     row[3] = pitch
     row[4] = memory.rack
-    row[5] = speed_log + noise.ship_speed * n4
+    row[5] = speed_log + noise.ship_speed * normal(episode)
     row[6] = velocity
     row[7] = estimate.valid
 

@@ -1,8 +1,9 @@
 """White noise inside the kernels: a generator whose whole state is one integer of the episode.
 
 NumPy's generators cannot run in a kernel that steps many environments, each with its own stream. This is
-SplitMix64 (Steele, Lea & Flood 2014) with the Box-Muller transform; the integer is drawn by the
-environment's own NumPy generator at reset, so a seed fixes everything.
+SplitMix64 (Steele, Lea & Flood 2014) with the ziggurat of 128 layers (Marsaglia & Tsang 2000, in
+Doornik's 2005 form); the integer is drawn by the environment's own NumPy generator at reset, so a seed
+fixes everything.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..plant.compiled import Record, compiled
 
@@ -17,21 +19,58 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX2 = np.uint64(0x94D049BB133111EB)
 
+_LAYERS = 128
+_TAIL = 3.442619855899  # where the lowest layer ends
+_AREA = 9.91256303526217e-3  # of each layer
+
+
+def _edges() -> NDArray[np.float64]:
+    """Right edges of the layers, lowest first; shape (129,)."""
+    edges = np.zeros(_LAYERS + 1)
+    height = math.exp(-0.5 * _TAIL**2)
+    edges[0], edges[1] = _AREA / height, _TAIL
+    for i in range(2, _LAYERS):
+        height += _AREA / edges[i - 1]
+        edges[i] = math.sqrt(-2.0 * math.log(height))
+    return edges
+
+
+_EDGES = _edges()
+_INSIDE = _EDGES[1:] / _EDGES[:-1]  # share of a layer that lies surely under the curve
+
 
 @compiled
-def _uniform(episode: Record) -> float:
-    """Next number in [0, 1)."""
+def _bits(episode: Record) -> np.uint64:
+    """Next 64 random bits."""
     episode.random = episode.random + _GOLDEN
     z = episode.random
     z = (z ^ (z >> np.uint64(30))) * _MIX1
     z = (z ^ (z >> np.uint64(27))) * _MIX2
-    z = z ^ (z >> np.uint64(31))
-    return float(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+    return np.uint64(z ^ (z >> np.uint64(31)))
 
 
 @compiled
-def two_normals(episode: Record) -> tuple[float, float]:
-    """Two independent standard normal numbers from the episode's stream."""
-    radius = math.sqrt(-2.0 * math.log(1.0 - _uniform(episode)))
-    angle = 2.0 * math.pi * _uniform(episode)
-    return radius * math.cos(angle), radius * math.sin(angle)
+def _uniform(bits: np.uint64) -> float:
+    """Number in [0, 1) from the upper 53 of 64 bits."""
+    return float(bits >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@compiled
+def normal(episode: Record) -> float:
+    """Next standard normal number of the episode's stream."""
+    while True:
+        bits = _bits(episode)
+        layer = np.int64(bits & np.uint64(_LAYERS - 1))  # the bits that the uniform leaves
+        u = 2.0 * _uniform(bits) - 1.0
+        x = u * _EDGES[layer]
+        if abs(u) < _INSIDE[layer]:
+            return x
+        if layer == 0:  # the tail beyond the lowest layer (Marsaglia 1964)
+            while True:
+                beyond = -math.log(1.0 - _uniform(_bits(episode))) / _TAIL
+                if -2.0 * math.log(1.0 - _uniform(_bits(episode))) > beyond * beyond:
+                    return math.copysign(_TAIL + beyond, u)
+        lower = math.exp(-0.5 * (_EDGES[layer] ** 2 - x * x))
+        upper = math.exp(-0.5 * (_EDGES[layer + 1] ** 2 - x * x))
+        if upper + _uniform(_bits(episode)) * (lower - upper) < 1.0:
+            return x

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import pickle
 import warnings
 from pathlib import Path
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 import shaftline.envs
 from shaftline.baselines.interface import OBSERVED
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, tasks
+from shaftline.envs.kernel import TRUTH
 from shaftline.observers import observer_names
 from shaftline.plant import load_ship
 from shaftline.plant.signals import get_signal
@@ -117,18 +119,50 @@ def test_bounds_are_the_registrys() -> None:
         assert space.high[i] == np.float32(get_signal(name).high)
 
 
+def _step_at_random(n: int, intervals: int, seed: int, **options: Any) -> None:
+    """Step with wild actions; every observation, reward and truth must be finite."""
+    env = FrigateVectorEnv(n, episode_s=60.0, **options)
+    env.reset(seed=seed)
+    rng = np.random.default_rng(seed)
+    for _ in range(intervals):
+        observation, reward, _, _, info = env.step(rng.uniform(-1.5, 1.5, (n, 2)))
+        assert np.isfinite(observation).all()
+        assert np.isfinite(reward).all()
+        assert all(np.isfinite(info[name]).all() for name in TRUTH)
+    env.close()
+
+
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 2**20), st.sampled_from(sorted(tasks())), st.sampled_from(observer_names()))
 def test_random_actions_never_give_a_non_finite_observation(
     seed: int, task: str, observer: str
 ) -> None:
-    env = FrigateVectorEnv(32, task=task, observer=observer, episode_s=60.0)
-    env.reset(seed=seed)
-    rng = np.random.default_rng(seed)
-    for _ in range(150):
-        observation, reward, *_ = env.step(rng.uniform(-1.5, 1.5, (32, 2)))
-        assert np.isfinite(observation).all()
-        assert np.isfinite(reward).all()
+    _step_at_random(32, 150, seed, task=task, observer=observer)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("observer", observer_names())
+def test_ten_million_random_steps_stay_finite(observer: str) -> None:
+    # 1024 environments, over all observers together more than ten million steps
+    seas: list[Any] = [
+        "calm",
+        {"hs_m": (0.5, 12.0), "tp_s": (5.0, 18.0), "heading_deg": (0.0, 180.0)},
+    ]
+    each = math.ceil(1e7 / len(observer_names()) / 1024 / len(tasks()))
+    for seed, task in enumerate(sorted(tasks())):
+        _step_at_random(
+            1024, each, seed, task=task, observer=observer, sea=seas,
+            randomise={"resistance_coefficient": 0.3, "mass": 0.3, "torque_per_rack": 0.1},
+        )  # fmt: skip
+
+
+def test_a_sea_can_be_a_range_from_which_each_episode_draws() -> None:
+    env = FrigateVectorEnv(64, sea={"hs_m": (1.0, 4.0), "tp_s": 9.0})
+    env.reset(seed=0)
+    heights = 4.0 * np.sqrt(0.5 * np.sum(env.fleet.seas["amplitude"] ** 2, axis=1))
+    assert heights.min() > 0.9
+    assert heights.max() < 4.1
+    assert np.ptp(heights) > 2.0
 
 
 @pytest.mark.parametrize("bad", [[np.nan, 0.0], [0.0, np.inf], [0.0], [[0.0, 0.0]]])
@@ -147,6 +181,7 @@ def test_unusable_actions_are_refused(bad: list[Any]) -> None:
         ({"task": "dancing"}, "unknown task 'dancing'"),
         ({"observer": "eyes"}, "unknown observer 'eyes'"),
         ({"sea": "state-9"}, "unknown sea 'state-9'"),
+        ({"sea": {"hs_m": (4.0, 1.0), "tp_s": 9.0}}, "a lowest and a highest"),
         ({"ship": "tito-neri-sine"}, "diesel ship"),
         ({"control_interval_s": 0.12}, "multiple"),
         ({"sensor_noise": -1.0}, "sensor_noise"),

@@ -10,13 +10,15 @@ from stable_baselines3.common.env_checker import check_env
 
 from shaftline.envs import FrigateEnv, tasks
 from shaftline.envs.sb3 import Sb3Frigates
+from shaftline.observers import observer_names
 
 
 @pytest.mark.parametrize("task", tasks())
-def test_checker_has_nothing_to_say(task: str) -> None:
+@pytest.mark.parametrize("observer", observer_names())
+def test_checker_has_nothing_to_say(observer: str, task: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(FrigateEnv(task=task, episode_s=4.0))
+        check_env(FrigateEnv(task=task, observer=observer, episode_s=4.0))
 
 
 @pytest.mark.parametrize("algorithm", [PPO, SAC])

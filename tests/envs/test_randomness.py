@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from shaftline.envs.kernel import EPISODE
+from shaftline.envs.randomness import normal
+from shaftline.plant.compiled import compiled
+
+
+@compiled
+def _many(episode, count):  # type: ignore[no-untyped-def]
+    out = np.empty(count)
+    for i in range(count):
+        out[i] = normal(episode)
+    return out
+
+
+def _numbers(seed: int, count: int) -> np.ndarray:
+    episode = np.zeros(1, EPISODE)[0]
+    episode["random"] = seed
+    return np.asarray(_many(episode, count))
+
+
+def test_numbers_are_standard_normal_and_independent() -> None:
+    x = _numbers(1, 1_000_000)
+    assert stats.kstest(x, "norm").pvalue > 1e-3
+    for moment, expected in ((2, 1.0), (4, 3.0), (6, 15.0)):
+        assert abs(np.mean(x**moment) / expected - 1.0) < 0.02
+    # the tail has code of its own
+    assert abs(np.mean(np.abs(x) > 3.6) / (2.0 * stats.norm.sf(3.6)) - 1.0) < 0.2
+    for lag in (1, 2, 5):
+        assert abs(np.corrcoef(x[:-lag], x[lag:])[0, 1]) < 4e-3
+
+
+def test_the_stream_follows_its_seed() -> None:
+    assert np.array_equal(_numbers(7, 1000), _numbers(7, 1000))
+    assert not np.array_equal(_numbers(7, 1000), _numbers(8, 1000))
