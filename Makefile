@@ -30,9 +30,8 @@ results: $(INSTALLED)
 	$(BIN)/shaftline tour --out docs/results/tour
 	$(BIN)/shaftline evaluate --out docs/results/baselines --task transit --seeds 20 \
 	    --controller combinator --controller cpp-optimiser --controller anti-spin \
-	    --sea calm --sea state-3 --sea state-5 --sea state-6 \
-	    --observer power-balance --observer immersion-invariance --observer random-walk-kalman \
-	    --observer oracle
+	    --sea calm --sea state-3 --sea state-5 --sea state-6 --observer all
+	$(BIN)/python -m shaftline.studies.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
 
 $(INSTALLED): pyproject.toml constraints.txt

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
+import functools
+import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,9 @@ from scipy import stats
 from ..baselines.interface import Controller
 from ..envs import FrigateVectorEnv
 from ..envs.kernel import TRUTH
-from ..plant.files import write_json
+from ..plant import load_ship
+from ..plant.sweep import source_digest, sweep
+from .episode_sums import EpisodeSums
 
 KPIS = {
     "fuel_kg_nmi": "fuel per nautical mile [kg]",
@@ -35,8 +38,6 @@ KPIS = {
     "reward": "sum of rewards",
 }
 """Key performance indicators of an episode, by column."""
-
-_NAUTICAL_MILE = 1852.0
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Setting:
 
 
 def run(
-    setting: Setting, controller: Controller, first_seed: int = 0
+    setting: Setting, controller: Controller, first_seed: int = 0, threads: int | None = None
 ) -> tuple[pd.DataFrame, NDArray[np.float64]]:
     """Sail one episode a seed.
 
@@ -68,6 +69,7 @@ def run(
         setting: task, sea, observer and so on; ``sea`` ``task`` leaves the choice to the task.
         controller: with ``predict``.
         first_seed: seeds run from here; equal seeds meet equal seas whatever the controller.
+        threads: that step the episodes; the machine's cores by default. They change no figure.
 
     Returns:
         KPIs, one row a seed; and the first seed's episode, shape (intervals, 4 + 9 + 2): time [s],
@@ -75,6 +77,7 @@ def run(
     """
     env = FrigateVectorEnv(
         setting.seeds,
+        threads=threads,
         ship=setting.ship,
         task=setting.task,
         sea=None if setting.sea == "task" else setting.sea,
@@ -85,7 +88,7 @@ def run(
     interval = env.fleet.steps * env.fleet.dt
     gear = env.fleet.ship.transmission.gear_ratio
     observation, _ = env.reset(seed=first_seed)
-    sums = _Sums(setting.seeds)
+    sums = EpisodeSums(setting.seeds)
     alive = np.ones(setting.seeds, dtype=bool)
     starting = alive.copy()
     state: Any = None
@@ -112,79 +115,18 @@ def run(
 TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTH, "estimate", "valid")
 """Columns of an episode's trace."""
 
-
-class _Sums:
-    """Running sums of the KPIs, one entry a seed."""
-
-    def __init__(self, n: int) -> None:
-        self.count, self.fuel, self.error, self.torque, self.square = np.zeros((5, n))
-        self.peak, self.travel, self.overload, self.overspeed = np.zeros((4, n))
-        self.cavitation, self.ventilation, self.thrust, self.reward = np.zeros((4, n))
-        self.power, self.power_peak, self.distance = np.zeros((3, n))
-        self.failed = np.zeros(n, dtype=bool)
-
-    def add(
-        self,
-        alive: Any,
-        info: dict[str, Any],
-        reward: Any,
-        order: Any,
-        interval: float,
-        gear: float,
-    ) -> None:
-        """Take one control interval of those episodes that still run."""
-        terms = info["reward_terms"]
-        torque = info["shaft_torque"] * 1e-3
-        power = info["brake_torque"] * info["shaft_speed"] * gear * 1e-3
-        self.count += alive
-        self.fuel += alive * terms["fuel_kg_s"] * interval
-        self.error += alive * (info["ship_speed"] - order) ** 2
-        self.torque += alive * torque
-        self.square += alive * torque**2
-        self.peak = np.where(alive, np.maximum(self.peak, torque), self.peak)
-        self.travel += alive * terms["rack_travel_mm"]
-        self.overload += alive * (terms["overload"] > 0.0) * interval
-        self.overspeed += alive * (terms["overspeed"] > 0.0) * interval
-        self.cavitation += alive * (terms["cavitation"] > 0.0) * interval
-        self.ventilation += alive * (info["ventilation"] > 0.5) * interval
-        self.thrust += alive * info["thrust"] * 1e-3
-        self.power += alive * power
-        self.power_peak = np.where(alive, np.maximum(self.power_peak, power), self.power_peak)
-        self.reward += alive * reward
-        self.distance = np.where(alive, info["position"], self.distance)
-
-    def kpis(self, interval: float) -> pd.DataFrame:
-        """KPIs, one row a seed."""
-        mean = self.torque / self.count
-        return pd.DataFrame(
-            {
-                "fuel_kg_nmi": self.fuel / np.maximum(self.distance, 1.0) * _NAUTICAL_MILE,
-                "speed_error_rms_m_s": np.sqrt(self.error / self.count),
-                "torque_sd_kN_m": np.sqrt(np.maximum(self.square / self.count - mean**2, 0.0)),
-                "torque_peak_kN_m": self.peak,
-                "rack_travel_mm_min": self.travel / (self.count * interval) * 60.0,
-                "overload_s": self.overload,
-                "overspeed_s": self.overspeed,
-                "cavitation_s": self.cavitation,
-                "ventilation_s": self.ventilation,
-                "thrust_mean_kN": self.thrust / self.count,
-                "power_mean_kW": self.power / self.count,
-                "power_peak_kW": self.power_peak,
-                "failed": self.failed.astype(float),
-                "reward": self.reward,
-            }
-        )
+_KPI_SOURCES = ("agents/evaluation.py", "agents/episode_sums.py")
 
 
-def interquartile_mean(values: Any) -> float:
-    """Mean of the middle half (Agarwal et al. 2021)."""
-    return float(stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25))
+def interquartile_mean(values: Any, axis: int = -1) -> Any:
+    """Mean of the middle half (Agarwal et al. 2021) along an axis."""
+    return stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
 
 
 def with_interval(values: Any, seed: int = 0) -> tuple[float, float, float]:
     """Interquartile mean with its 95 % percentile bootstrap interval."""
     sample = np.asarray(values, dtype=np.float64)
-    middle = interquartile_mean(sample)
+    middle = float(interquartile_mean(sample))
     if len(sample) < 3 or np.ptp(sample) == 0.0:
         return middle, middle, middle
     found = stats.bootstrap(
@@ -193,7 +135,7 @@ def with_interval(values: Any, seed: int = 0) -> tuple[float, float, float]:
         n_resamples=1000,
         method="percentile",
         rng=np.random.default_rng(seed),
-        vectorized=False,
+        vectorized=True,
     ).confidence_interval
     return middle, float(found.low), float(found.high)
 
@@ -205,33 +147,72 @@ def summary(kpis: pd.DataFrame) -> dict[str, tuple[float, float, float]]:
     return {**found, "failed": (share, share, share)}
 
 
+class Evaluation(NamedTuple):
+    """What :func:`evaluate` found."""
+
+    table: pd.DataFrame
+    """One row a cell: its fields, then each KPI with ``_low`` and ``_high``."""
+    traces: list[pd.DataFrame]
+    """Of each cell its first episode, with columns :data:`TRACE`, to six digits."""
+
+
 def evaluate(
     settings: Sequence[Setting],
     make: Callable[[Setting], Controller],
     folder: Path,
+    *,
+    jobs: int | None = None,
+    backend: str = "processes",
+    scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> pd.DataFrame:
+) -> Evaluation:
     """Evaluate every setting; cells that already stand in the folder are not sailed again.
 
     Args:
-        settings: cells.
-        make: controller of a cell.
-        folder: cells are kept in ``folder/cells`` as JSON.
+        settings: cells, each once.
+        make: controller of a cell; travels to the other processes and is called there.
+        folder: cells are kept in ``folder/cells`` as JSON. A cell's name tells its setting, its ship
+            and the version of the equations: where one of them changes, the cell is sailed anew.
+        jobs: see :func:`shaftline.plant.sweep.sweep`, as for the backend and the scheduler.
+        backend: ``processes`` or ``dask``.
+        scheduler: address of a dask scheduler.
         tick: called after each cell.
 
-    Returns:
-        One row a cell: its fields, then each KPI with ``_low`` and ``_high``.
+    Raises:
+        SweepError: cells whose controller raised, or a backend that is not there.
     """
+    alone = backend == "processes" and (jobs == 1 or len(settings) == 1)
+    work = functools.partial(_sail, make, None if alone else 1)
+    cells = {f"{setting.name}_{_version(setting.ship)}": setting for setting in settings}
+    found = sweep(
+        work, cells, folder / "cells", jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
+    )
     rows = []
-    for setting in settings:
-        path = folder / "cells" / f"{setting.name}.json"
-        if not path.is_file():
-            kpis, _ = run(setting, make(setting))
-            write_json(path, {"setting": asdict(setting), "kpis": kpis.to_dict(orient="list")})
-        kept = pd.DataFrame(json.loads(path.read_text(encoding="utf-8"))["kpis"])
+    for setting, kept in zip(settings, found.values(), strict=True):
         row: dict[str, Any] = asdict(setting)
-        for name, (middle, low, high) in summary(kept).items():
+        for name, (middle, low, high) in summary(pd.DataFrame(kept["kpis"])).items():
             row |= {name: middle, f"{name}_low": low, f"{name}_high": high}
         rows.append(row)
-        tick()
-    return pd.DataFrame(rows)
+    return Evaluation(pd.DataFrame(rows), [pd.DataFrame(kept["trace"]) for kept in found.values()])
+
+
+def _sail(
+    make: Callable[[Setting], Controller], threads: int | None, setting: Setting
+) -> dict[str, Any]:
+    """A cell as it is kept; with one thread where other processes take the other cores."""
+    kpis, trace = run(setting, make(setting), threads=threads)
+    return {
+        "setting": asdict(setting),
+        "kpis": kpis.to_dict(orient="list"),
+        "trace": {
+            name: [float(f"{value:.6g}") for value in column]
+            for name, column in zip(TRACE, trace.T, strict=True)
+        },
+    }
+
+
+@functools.cache
+def _version(ship: str) -> str:
+    """Eight letters that change with the ship and with the source that cells are made by."""
+    source = source_digest("plant", "observers", "baselines", "envs", *_KPI_SOURCES)
+    return hashlib.sha256(f"{source} {load_ship(ship)!r}".encode()).hexdigest()[:8]

@@ -8,7 +8,7 @@ motor torque that the law asks for is turned into a fuel rack by the engine's ow
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,8 +21,8 @@ from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from ..plant.signals import get_signal
 from .anti_spin_kernel import CONTROLLER, MEMORY, control_fleet
-from .calm_water import calm_water_table
-from .interface import OBSERVED, readings, scaled
+from .combinator import combinator_curve
+from .interface import OBSERVED, actions, readings, resumed
 from .torque_loss import TorqueLossObserver
 from .ventilation_detection import VentilationDetector
 
@@ -78,6 +78,16 @@ class AntiSpinTuning:
     detector: VentilationDetector = field(default_factory=VentilationDetector)
 
 
+def _tuned(tuning: AntiSpinTuning, numbers: dict[str, float]) -> AntiSpinTuning:
+    """The tuning with some numbers of its own or of its parts replaced."""
+    rest, parts = dict(numbers), {}
+    for name in ("observer", "detector"):
+        part = getattr(tuning, name)
+        own = {f.name: rest.pop(f.name) for f in fields(part) if f.name in rest}
+        parts[name] = replace(part, **own)
+    return replace(tuning, **parts, **rest)  # type: ignore[arg-type]
+
+
 class AntiSpin:
     """Controller with stable-baselines3's ``predict``.
 
@@ -86,7 +96,8 @@ class AntiSpin:
         dt: time between two calls of ``predict`` [s].
         anti_spin: whether ventilation limits the shaft speed; False is the paper's comparison.
         tuning: gains and thresholds.
-        numbers: single numbers of the tuning by name, for example ``ventilated_speed=0.85``.
+        numbers: single numbers of the tuning, its observer or its detector by name, for example
+            ``ventilated_speed=0.85, sea_margin=3.0``.
 
     Raises:
         TypeError: a number that the tuning does not have.
@@ -102,7 +113,7 @@ class AntiSpin:
         tuning: AntiSpinTuning | None = None,
         **numbers: float,
     ) -> None:
-        tuning = replace(AntiSpinTuning() if tuning is None else tuning, **numbers)  # type: ignore[arg-type]
+        tuning = _tuned(AntiSpinTuning() if tuning is None else tuning, numbers)
         plant = ship.record()
         if plant["prime_mover"] != DIESEL or plant["propeller_model"] != B_SERIES:
             raise ValueError(f"{ship.name}: anti-spin needs a diesel and a B-series propeller")
@@ -132,9 +143,9 @@ class AntiSpin:
         settings["filter"] = expm(
             dt * np.array([[0.0, 1.0], [-(cutoff**2), -2.0 * cutoff * tuning.damping]])
         )
-        self.table = calm_water_table(ship)
+        self.ship = ship
+        self.curve = combinator_curve(ship)
         self.settings = settings
-        self._plant = plant
 
     def predict(
         self,
@@ -152,17 +163,14 @@ class AntiSpin:
             Action(s) in [-1, 1] of shape (2,) or (n, 2), and the memory: a MEMORY array of shape (n,),
             new at every call, with the estimates, the detection and the references of this instant.
         """
-        single = np.ndim(observation) == 1
         table = np.atleast_2d(np.asarray(observation, dtype=np.float64))
-        memories = np.zeros(len(table), MEMORY) if state is None else state.copy()
-        if episode_start is not None:
-            memories[np.broadcast_to(np.asarray(episode_start, dtype=bool), len(table))] = 0
-        fresh = memories["started"] == 0
-        memories["reading"][fresh] = self._slowest()
+        fresh = np.zeros(len(table), MEMORY)
+        fresh["reading"] = self._slowest()
+        memories = resumed(state, fresh, episode_start)
         good = np.abs(table) <= _BOUNDS
         memories["reading"] = np.where(good, table, memories["reading"])
         now = readings(memories["reading"])
-        wanted = self.table.at(now.speed_order)
+        wanted = self.curve.at(now.speed_order)
         rack = np.empty(len(table))
         control_fleet(
             self.settings,
@@ -176,21 +184,13 @@ class AntiSpin:
             now.fuel_rack,
             rack,
         )
-        plant = self._plant
-        pitch = np.zeros(len(table))
-        if plant["pitch_ratio_max"] > plant["pitch_ratio_min"]:
-            limits = float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])
-            pitch = scaled(wanted.pitch_ratio, *limits)
-        fuel = scaled(rack, float(plant["drive_min"]), float(plant["drive_max"]))
-        action = np.stack([pitch, fuel], axis=1).astype(np.float32)
-        return (action[0] if single else action), memories
+        return actions(self.ship, observation, wanted.pitch_ratio, rack), memories
 
     def _slowest(self) -> NDArray[np.float64]:
         """Readings of the slowest steady state, for instruments that have said nothing yet."""
-        order = self.table.ship_speed[:1]
-        wanted = self.table.at(order)
+        slowest = float(self.curve.ship_speed[0])
         values = dict.fromkeys(OBSERVED, 0.0)
-        values["speed_order"] = values["measured_ship_speed"] = float(order[0])
-        values["shaft_speed"] = float(wanted.shaft_speed[0])
-        values["measured_pitch_ratio"] = float(wanted.pitch_ratio[0])
+        values["speed_order"] = values["measured_ship_speed"] = slowest
+        values["shaft_speed"] = float(self.curve.shaft_speed[0])
+        values["measured_pitch_ratio"] = float(self.curve.pitch_ratio[0])
         return np.array(list(values.values()))

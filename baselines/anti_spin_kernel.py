@@ -19,7 +19,13 @@ from .torque_loss import (
     shaft_load,
     update_torque_loss,
 )
-from .ventilation_detection import DETECTION, DETECTOR, torque_ratio, update_detection
+from .ventilation_detection import (
+    DETECTION,
+    DETECTOR,
+    excess_inflow,
+    torque_ratio,
+    update_detection,
+)
 
 CONTROLLER = np.dtype(
     [
@@ -132,7 +138,8 @@ def control(
     update_torque_loss(controller.observer, estimate, shaft_speed, shaft_torque, pitch)
     torque = estimated_propeller_torque(ship, estimate)
     ratio = torque_ratio(controller.detector, ship, torque, shaft_speed, pitch, ship_speed)
-    update_detection(controller.detector, detection, ratio)
+    inflow = excess_inflow(ship, torque, shaft_speed, pitch, ship_speed)
+    update_detection(controller.detector, detection, ratio, inflow)
 
     wanted = desired_speed(controller, estimate, thrust, pitch)
     if controller.anti_spin != 0 and detection.ventilating != 0:

@@ -8,6 +8,7 @@ corrects for waves, fouling or shallow water: that is what a combinator is.
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.optimize import brentq
 
 from ..plant.ship import Ship, load_ship
 from .governor import RESPONSE_S, Governor
-from .interface import readings, scaled
+from .interface import actions, readings, resumed
 from .steady_points import SteadyPoint, require_diesel, speed_range, steady_point
 
 FLOOR_SHARE = 0.5
@@ -31,13 +32,29 @@ TORQUE_MARGIN = 0.97
 _POINTS = 41  # of the table of steady states along the lever
 
 
+class SetPoints(NamedTuple):
+    """What a speed order means in calm water, each of shape (n,)."""
+
+    pitch_ratio: NDArray[np.float64]  # [-]
+    shaft_speed: NDArray[np.float64]  # [rad/s]
+    thrust: NDArray[np.float64]  # of one propeller [N]
+
+
 class Curve(NamedTuple):
-    """A combinator curve and the ship's steady speed on it, each of shape (m,), lever rising."""
+    """A combinator curve and the ship's steady state on it, each of shape (m,), lever rising."""
 
     lever: NDArray[np.float64]  # 0 to 1
     pitch_ratio: NDArray[np.float64]  # [-]
     shaft_speed: NDArray[np.float64]  # [rad/s]
     ship_speed: NDArray[np.float64]  # in calm water [m/s], rising
+    thrust: NDArray[np.float64]  # of one propeller in calm water [N]
+
+    def at(self, speed_order: Any) -> SetPoints:
+        """Set-points for ordered ship speeds [m/s], shape (n,); beyond the curve its ends hold."""
+        columns = (self.pitch_ratio, self.shaft_speed, self.thrust)
+        return SetPoints(
+            *(np.asarray(np.interp(speed_order, self.ship_speed, column)) for column in columns)
+        )
 
 
 def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
@@ -56,10 +73,11 @@ def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
     return float(brentq(excess, low, high, xtol=1e-6))
 
 
+@functools.lru_cache(maxsize=64)
 def combinator_curve(
     ship: Ship, floor_share: float = FLOOR_SHARE, full_pitch_lever: float = FULL_PITCH_LEVER
 ) -> Curve:
-    """The standard curve of a ship.
+    """The standard curve of a ship; where its pitch is fixed, the lever sets the shaft speed alone.
 
     Args:
         ship: a ship with a diesel.
@@ -76,15 +94,16 @@ def combinator_curve(
     lowest, highest = speed_range(ship)
     floor = max(lowest, floor_share * highest)
     lever = np.linspace(0.0, 1.0, _POINTS)
-    bends = [0.0, full_pitch_lever, 1.0]
     full = full_pitch(ship)
-    pitch = np.interp(lever, bends, [min(_driving_pitch(ship), full), full, full])
+    low = min(_driving_pitch(ship), full)
+    bends = [0.0, full_pitch_lever if low < full else 0.0, 1.0]
+    pitch = np.interp(lever, bends, [low, full, full])
     speed = np.interp(lever, bends, [floor, floor, highest])
     return curve_through(ship, lever, pitch, speed)
 
 
 def curve_through(ship: Ship, lever: Any, pitch_ratio: Any, shaft_speed: Any) -> Curve:
-    """A curve of one's own, with the steady ship speeds in calm water worked out.
+    """A curve of one's own, with the steady ship speeds and thrusts in calm water worked out.
 
     Args:
         ship: a ship with a diesel.
@@ -102,7 +121,7 @@ def curve_through(ship: Ship, lever: Any, pitch_ratio: Any, shaft_speed: Any) ->
     sailed = np.array([point.ship_speed for point in points])
     if np.any(np.diff(sailed) <= 0.0) or np.any(np.diff(lever) <= 0.0):
         raise ValueError("lever and ship speed must rise along the curve")
-    return Curve(lever, pitch, speed, sailed)
+    return Curve(lever, pitch, speed, sailed, np.array([point.thrust for point in points]))
 
 
 def _driving_pitch(ship: Ship) -> float:
@@ -134,16 +153,10 @@ class Combinator:
         middle = float(np.interp(0.5, self.curve.lever, self.curve.pitch_ratio))
         self.governor = Governor(self.ship, interval_s, response_s, middle)
 
-    def lever(self, speed_order: Any) -> NDArray[np.float64]:
-        """Lever for an ordered ship speed [m/s], shape (n,); beyond the curve, its end."""
-        return np.asarray(np.interp(speed_order, self.curve.ship_speed, self.curve.lever))
-
     def set_points(self, speed_order: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pitch [-] and shaft speed [rad/s] for an ordered ship speed [m/s], each of shape (n,)."""
-        lever = self.lever(speed_order)
-        pitch = np.interp(lever, self.curve.lever, self.curve.pitch_ratio)
-        speed = np.interp(lever, self.curve.lever, self.curve.shaft_speed)
-        return np.asarray(pitch), np.asarray(speed)
+        wanted = self.curve.at(speed_order)
+        return wanted.pitch_ratio, wanted.shaft_speed
 
     def steady(self, speed_order: float, resistance_factor: float = 1.0) -> SteadyPoint:
         """Where the ship settles in calm water at an ordered speed [m/s]."""
@@ -160,29 +173,7 @@ class Combinator:
         """Actions; see :class:`shaftline.baselines.interface.Controller`."""
         seen = readings(observation)
         pitch, speed = self.set_points(seen.speed_order)
-        fresh = self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
-        integral = fresh
-        if state is not None:
-            integral = np.asarray(state, dtype=np.float64)[:, 0]
-            if episode_start is not None:
-                integral = np.where(np.atleast_1d(episode_start), fresh, integral)
+        settled = self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
+        integral = resumed(state, settled[:, None], episode_start)[:, 0]
         rack, integral = self.governor.command(speed, seen.shaft_speed, integral)
         return actions(self.ship, observation, pitch, rack), integral[:, None]
-
-
-def actions(ship: Ship, observation: Any, pitch: Any, rack: Any) -> NDArray[np.float32]:
-    """Pitch [-] and rack [mm] commands as actions, shaped as the observation asks.
-
-    Args:
-        ship: a ship with a diesel.
-        observation: shape (8,) gives shape (2,); shape (n, 8) gives shape (n, 2).
-        pitch: commanded P/D [-], shape (n,).
-        rack: commanded rack [mm], shape (n,).
-    """
-    plant = ship.record()
-    columns = (
-        scaled(pitch, float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
-        scaled(rack, float(plant["drive_min"]), float(plant["drive_max"])),
-    )
-    table = np.stack(columns, axis=-1).astype(np.float32)
-    return table if np.ndim(observation) > 1 else table[0]

@@ -7,7 +7,7 @@ and pitch under the paper's constraints:
 
     thrust:       KT(J; p) rho n^2 D^4 = T
     propeller:    0 <= J <= J_max(p),   p_min <= p <= p_max
-    engine:       n_min <= n <= n_max,   M_b <= 0.97 M_max(n)
+    engine:       n_min <= n <= n_max,   M_b <= share M_max(n)
     gradient:     d eta_o / d J >= 0     (beyond the peak the efficiency falls off steeply)
     cavitation:   tau_c <= tau_limit     (Burrill, 5 % back cavitation)
 """
@@ -51,7 +51,10 @@ class CombinatorSurface(NamedTuple):
 class _Optimum:
     """The paper's problem at one advance speed; x = (omega / omega_max, p)."""
 
-    def __init__(self, ship: Ship, fit: OpenWaterFit, advance_velocity: float) -> None:
+    def __init__(
+        self, ship: Ship, fit: OpenWaterFit, advance_velocity: float, torque_share: float
+    ) -> None:
+        self.torque_share = torque_share
         self.plant, self.fit, self.velocity = ship.record(), fit, advance_velocity
         low, self.top = speed_range(ship)
         screw = ship.propeller
@@ -63,7 +66,16 @@ class _Optimum:
         speeds = np.linspace(low, self.top, _TRIALS[0])
         pitches = np.linspace(*self.bounds[1], _TRIALS[1])
         room = np.zeros((speeds.size * pitches.size, 4))
-        count = search(self.plant, fit.thrust, fit.torque, advance_velocity, speeds, pitches, room)
+        count = search(
+            self.plant,
+            fit.thrust,
+            fit.torque,
+            advance_velocity,
+            speeds,
+            pitches,
+            torque_share,
+            room,
+        )
         self.trials = room[:count]  # (omega, p, thrust, cost) of each allowed setting
 
     def at(self, x: Any) -> Working:
@@ -80,7 +92,7 @@ class _Optimum:
         """The inequality constraints at x, each kept where it is not negative."""
         w = self.at(x)
         return [
-            TORQUE_MARGIN - w.torque_share, w.efficiency_slope, 1.0 - w.burrill, w.advance_room
+            self.torque_share - w.torque_share, w.efficiency_slope, 1.0 - w.burrill, w.advance_room
         ]  # fmt: skip
 
     def best(self, thrust: float) -> tuple[NDArray[np.float64], bool]:
@@ -109,7 +121,9 @@ class _Optimum:
             options={"maxiter": 100, "ftol": 1e-9},
         )
         reached = self.at(found.x)
-        met = abs(reached.thrust / thrust - 1.0) < 1e-4 and slack(reached) > -1e-3
+        met = (
+            abs(reached.thrust / thrust - 1.0) < 1e-4 and slack(reached, self.torque_share) > -1e-3
+        )
         return (found.x, True) if found.success and met else (start, False)
 
 
@@ -120,11 +134,13 @@ def _fastest(ship: Ship) -> float:
 
 
 @functools.lru_cache(maxsize=16)
-def combinator_surface(ship: Ship) -> CombinatorSurface:
+def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> CombinatorSurface:
     """Solve the paper's problem over the ship's advance speeds and thrusts.
 
     Args:
         ship: a ship with a diesel and a propeller of controllable pitch.
+        torque_share: highest share of the engine's torque limit [-]. The paper allows the whole limit,
+            1; by default a little is kept back, which a governor needs in waves.
 
     Raises:
         ShipError: another kind of ship, or open-water curves that the surfaces do not fit.
@@ -138,7 +154,7 @@ def combinator_surface(ship: Ship) -> CombinatorSurface:
     rows = []
     converged = 0
     for velocity in np.linspace(slowest, _fastest(ship), ADVANCE_SPEEDS):
-        problem = _Optimum(ship, fit, float(velocity))
+        problem = _Optimum(ship, fit, float(velocity), torque_share)
         thrusts = problem.trials[:, 2]
         if len(thrusts) == 0:
             break  # faster than the ship can be driven

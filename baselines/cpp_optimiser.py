@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from ..plant.compiled import compiled
 from ..plant.hull import resistance
 from ..plant.ship import Ship, load_ship
-from .combinator import Combinator, actions
+from .combinator import Combinator
 from .combinator_surface import Setting, combinator_surface, look_up
 from .governor import RESPONSE_S
-from .interface import Readings, readings
+from .interface import Readings, actions, readings, resumed
 from .open_water_fit import fit_open_water, surface
 from .steady_points import speed_range
 
@@ -84,12 +84,15 @@ class CppOptimiser:
         self._top = speed_range(self.ship)[1]
 
     def ordered_thrust(self, speed_order: Any) -> NDArray[np.float64]:
-        """Thrust of one propeller [N] that holds an ordered speed [m/s] in calm water, shape (n,)."""
+        """Thrust of one propeller [N] that holds an ordered speed [m/s] in calm water, shape (n,).
+
+        Orders beyond the ship's highest speed ask for more thrust than calm water takes: what a higher
+        resistance needs. The surface's own end limits them.
+        """
         plant = self.ship.record()
         push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
         orders = np.atleast_1d(np.asarray(speed_order, dtype=np.float64))
-        highest = self.combinator.curve.ship_speed[-1]
-        return np.array([resistance(plant, min(max(v, 0.0), highest), 1.0) / push for v in orders])
+        return np.array([resistance(plant, max(v, 0.0), 1.0) / push for v in orders])
 
     def thrust(self, seen: Readings) -> NDArray[np.float64]:
         """Thrust of one propeller [N] at the working point that the estimate tells, shape (n,)."""
@@ -118,19 +121,14 @@ class CppOptimiser:
         valid = (seen.estimate_valid > 0.5) & np.isfinite(seen.advance_velocity)
         estimate = self.thrust(seen)
         plain_pitch, plain_speed = self.combinator.set_points(seen.speed_order)
-        memory = np.zeros((len(valid), 5))
-        begins = np.ones(len(valid), dtype=bool)
-        if state is not None:
-            memory = np.array(state, dtype=np.float64)
-            begins = np.zeros(len(valid), dtype=bool)
-            if episode_start is not None:
-                begins = np.broadcast_to(np.atleast_1d(episode_start), begins.shape).astype(bool)
+        fresh = np.zeros((len(valid), 5))
+        fresh[:, INTEGRAL] = np.nan  # until the governor is settled below
+        fresh[:, TRUST] = valid
+        memory = resumed(state, fresh, episode_start)
         # a filter that has heard nothing yet starts at what it hears first
-        memory[begins] = 0.0
         hears_first = valid & (memory[:, ADVANCE] == 0.0) & (memory[:, THRUST] == 0.0)
         memory[hears_first, ADVANCE] = seen.advance_velocity[hears_first]
         memory[hears_first, THRUST] = estimate[hears_first]
-        memory[begins, TRUST] = valid[begins]
 
         keep = math.exp(-self._interval / FILTER_S)
         for column, heard in ((ADVANCE, seen.advance_velocity), (THRUST, estimate)):
@@ -145,8 +143,8 @@ class CppOptimiser:
         speed = share * (setting.shaft_speed + memory[:, TRIM]) + (1.0 - share) * plain_speed
         pitch = share * setting.pitch_ratio + (1.0 - share) * plain_pitch
         governor = self.combinator.governor
-        fresh = governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
-        integral = np.where(begins, fresh, memory[:, INTEGRAL])
+        settled = governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
+        integral = np.where(np.isnan(memory[:, INTEGRAL]), settled, memory[:, INTEGRAL])
         rack, memory[:, INTEGRAL] = governor.command(speed, seen.shaft_speed, integral)
         return actions(self.ship, observation, pitch, rack), memory
 

@@ -11,6 +11,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..plant.ship import Ship
+
 OBSERVED = (
     "speed_order",
     "shaft_speed",
@@ -44,9 +46,48 @@ def readings(observation: Any) -> Readings:
 
 
 def scaled(value: Any, low: float, high: float) -> NDArray[np.float64]:
-    """A command in physical units as an action in [-1, 1]; beyond the range it is clipped."""
+    """A command in physical units as an action in [-1, 1]; beyond the range it is clipped.
+
+    Where the range is a single value, as of a fixed pitch, the action is 0.
+    """
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    return np.clip((np.asarray(value, dtype=np.float64) - middle) / half, -1.0, 1.0)
+    away = np.asarray(value, dtype=np.float64) - middle
+    return np.clip(away / half, -1.0, 1.0) if half > 0.0 else np.zeros_like(away)
+
+
+def actions(ship: Ship, observation: Any, pitch: Any, rack: Any) -> NDArray[np.float32]:
+    """Pitch [-] and rack [mm] commands as actions, shaped as the observation asks.
+
+    Args:
+        ship: a ship with a diesel.
+        observation: shape (8,) gives shape (2,); shape (n, 8) gives shape (n, 2).
+        pitch: commanded P/D [-], shape (n,).
+        rack: commanded rack [mm], shape (n,).
+    """
+    plant = ship.record()
+    columns = (
+        scaled(pitch, float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
+        scaled(rack, float(plant["drive_min"]), float(plant["drive_max"])),
+    )
+    table = np.stack(columns, axis=-1).astype(np.float32)
+    return table if np.ndim(observation) > 1 else table[0]
+
+
+def resumed(state: Any, fresh: NDArray[Any], episode_start: Any) -> NDArray[Any]:
+    """The memory with which a call of ``predict`` begins; what is passed in stays untouched.
+
+    Args:
+        state: what the last call returned, None at first.
+        fresh: memory of a controller that has seen nothing yet, shape (n, ...).
+        episode_start: true where an episode begins, shape (n,), one for all, or None.
+    """
+    if state is None:
+        return fresh.copy()
+    memory = np.array(state, dtype=fresh.dtype)
+    if episode_start is not None:
+        begins = np.broadcast_to(np.asarray(episode_start, dtype=bool), len(memory))
+        memory[begins] = fresh[begins]
+    return memory
 
 
 class Controller(Protocol):

@@ -2,6 +2,12 @@
 
 The estimated propeller torque over the nominal one at the ship's speed is the torque reduction
 coefficient beta_Q; ventilation is called below one threshold and called off above another.
+
+Waves take torque too. Their orbital motion, though, adds to the inflow as often as it takes from it,
+whereas air only takes torque. So the side on which torque is gained tells the sea's own share, and an
+option beyond the paper (``sea_margin``) calls ventilation only where the loss is more than that: the
+inflow at which a propeller without air would take the estimated torque must exceed the calm one by
+some standard deviations of the sea's, a threshold of constant false-alarm rate as in a radar.
 """
 
 from __future__ import annotations
@@ -12,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..observers.base import model_torque
+from ..observers.base import model_torque, velocity_from_torque
 from ..plant.compiled import Record, compiled
 from ..plant.hull import wake_inflow
 from .torque_loss import bollard_gain
@@ -28,6 +34,8 @@ DETECTOR = np.dtype(
         ("on_below", np.float64),  # beta_v,on
         ("off_above", np.float64),  # beta_v,off
         ("hold", np.float64),  # T_hold [s]
+        ("sea_margin", np.float64),  # 0: the paper's detection
+        ("sea_memory", np.float64),  # [s]
     ],
     align=True,
 )
@@ -37,6 +45,9 @@ DETECTION = np.dtype(
         ("ventilating", np.int64),  # nu
         ("torque_ratio", np.float64),  # beta_Q-hat [-]
         ("since", np.float64),  # time since the last detection [s]
+        ("excess_inflow", np.float64),  # that would explain the torque without air [m/s]
+        ("sea_square", np.float64),  # mean square of the sea's inflow [m2/s2]
+        ("samples", np.float64),
     ],
     align=True,
 )
@@ -46,9 +57,9 @@ DETECTION = np.dtype(
 class VentilationDetector:
     """Tuning of the detector.
 
-    The paper prints none of these. The blend gives 0.85 at 2 rad/s and 0.08 at 5 rad/s, the frigate's
-    idle speed. The thresholds lie below most of what the waves' orbital motion alone takes from the
-    torque.
+    The paper prints none of these, and does not know the last two. The blend gives 0.85 at 2 rad/s
+    and 0.08 at 5 rad/s, the frigate's idle speed. The thresholds lie below most of what the waves'
+    orbital motion alone takes from the torque.
     """
 
     blend_gain: float = 0.02  # k [(s/rad)^p]
@@ -56,13 +67,17 @@ class VentilationDetector:
     on_below: float = 0.65  # beta_v,on [-]
     off_above: float = 0.70  # beta_v,off [-]
     hold_s: float = 1.0  # T_hold [s]
+    sea_margin: float = (
+        0.0  # standard deviations of the sea's inflow; 0 as in the paper, else 3 [-]
+    )
+    sea_memory_s: float = 120.0  # over which the sea's inflow is averaged [s]
 
     def discretise(self, dt: float) -> Any:
         """DETECTOR record for a time step ``dt`` [s].
 
         Raises:
-            ValueError: the blend is not positive, the thresholds are not in order, or the hold time
-                or step is negative.
+            ValueError: the blend or the sea's memory is not positive, the thresholds are not in
+                order, or the hold time, sea margin or step is negative.
         """
         if not (self.blend_gain > 0.0 and self.blend_power > 0.0):
             raise ValueError("ventilation detector: k and p of the blend must be positive")
@@ -73,11 +88,13 @@ class VentilationDetector:
             )
         if not (self.hold_s >= 0.0 and dt > 0.0):
             raise ValueError("ventilation detector: hold time must be >= 0 s and time step > 0 s")
+        if not (self.sea_margin >= 0.0 and self.sea_memory_s > 0.0):
+            raise ValueError("ventilation detector: sea margin must be >= 0, sea memory > 0 s")
         record = np.zeros(1, DETECTOR)[0]
         record["dt"] = dt
-        for name in ("blend_gain", "blend_power", "on_below", "off_above"):
+        for name in ("blend_gain", "blend_power", "on_below", "off_above", "sea_margin"):
             record[name] = getattr(self, name)
-        record["hold"] = self.hold_s
+        record["hold"], record["sea_memory"] = self.hold_s, self.sea_memory_s
         return record
 
 
@@ -112,20 +129,49 @@ def torque_ratio(
 
 
 @compiled
-def update_detection(detector: Record, detection: Record, ratio: float) -> None:
-    """Bring the ventilation state nu to this sample's beta_Q-hat; it changes in place.
+def excess_inflow(
+    ship: Record, propeller_torque: float, shaft_speed: float, pitch_ratio: float, ship_speed: float
+) -> float:
+    """Inflow beyond the calm one (1 - w) v_s [m/s] that would explain a torque without air.
+
+    Args:
+        ship: PLANT record of the ship as believed.
+        propeller_torque: Q_p-hat [N m].
+        shaft_speed: omega [rad/s].
+        pitch_ratio: P/D [-].
+        ship_speed: v_s [m/s].
+    """
+    calm = wake_inflow(ship, ship_speed)
+    told, _ = velocity_from_torque(ship, propeller_torque, shaft_speed, pitch_ratio, calm)
+    return float(told - calm)
+
+
+@compiled
+def update_detection(detector: Record, detection: Record, ratio: float, inflow: float) -> None:
+    """Bring the ventilation state nu to this sample; it changes in place.
 
     Args:
         detector: DETECTOR record.
         detection: DETECTION record, all zeros at first.
         ratio: beta_Q-hat [-].
+        inflow: from :func:`excess_inflow` [m/s].
     """
     detection.torque_ratio = ratio
+    detection.excess_inflow = inflow
     detection.since += detector.dt
-    if ratio < detector.on_below:
+    limit = detector.sea_margin * math.sqrt(detection.sea_square)
+    beyond = detector.sea_margin == 0.0 or inflow > limit
+    # a mean over all samples at first, later over the memory; twice the half that gains torque
+    detection.samples += 1.0
+    share = max(1.0 / detection.samples, min(detector.dt / detector.sea_memory, 1.0))
+    gained = min(inflow, 0.0)
+    detection.sea_square += share * (2.0 * gained * gained - detection.sea_square)
+    if ratio < detector.on_below and beyond:
         if detection.ventilating == 0:
             detection.since = 0.0
         detection.ventilating = 1
     # half a step of slack: sums of dt are not exact
-    elif ratio >= detector.off_above and detection.since >= detector.hold - 0.5 * detector.dt:
+    elif (ratio >= detector.off_above or not beyond) and (
+        detection.since >= detector.hold - 0.5 * detector.dt
+    ):
         detection.ventilating = 0

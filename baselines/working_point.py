@@ -72,9 +72,14 @@ def working(
 
 
 @compiled
-def slack(w: Working) -> float:
-    """Distance to the nearest inequality constraint; negative where one is broken."""
-    engine, cavitation = TORQUE_MARGIN - w.torque_share, 1.0 - w.burrill
+def slack(w: Working, torque_share: float = TORQUE_MARGIN) -> float:
+    """Distance to the nearest inequality constraint; negative where one is broken.
+
+    Args:
+        w: working point.
+        torque_share: highest allowed brake torque / torque limit [-].
+    """
+    engine, cavitation = torque_share - w.torque_share, 1.0 - w.burrill
     return min(min(engine, cavitation), min(w.efficiency_slope, w.advance_room))
 
 
@@ -86,6 +91,7 @@ def search(
     advance_velocity: float,
     shaft_speeds: NDArray[np.float64],
     pitch_ratios: NDArray[np.float64],
+    torque_share: float,
     found: NDArray[np.float64],
 ) -> int:
     """Fill rows (omega, p, thrust, cost) of all allowed settings of a grid; gives their number."""
@@ -93,7 +99,7 @@ def search(
     for shaft_speed in shaft_speeds:
         for pitch_ratio in pitch_ratios:
             w = working(plant, thrust, torque, advance_velocity, shaft_speed, pitch_ratio)
-            if w.thrust > 0.0 and slack(w) >= 0.0:
+            if w.thrust > 0.0 and slack(w, torque_share) >= 0.0:
                 found[count, 0], found[count, 1] = shaft_speed, pitch_ratio
                 found[count, 2], found[count, 3] = w.thrust, w.cost
                 count += 1

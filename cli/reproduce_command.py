@@ -21,6 +21,8 @@ class Table(StrEnum):
     VAF = "vaf"
     SNR = "snr"
     SENSITIVITY = "sensitivity"
+    STORMS = "storms"
+    LEVERS = "levers"
     ALL = "all"
 
 
@@ -37,7 +39,9 @@ def reproduce(
 
     Van der Kroft, "Development and Analysis of Advance Velocity Observers for Marine Propulsion
     Systems", TU Delft 2020. `working-points`: Table 2-1; `poles`: 2-2 to 2-14; `vaf`: 4-1; `snr`:
-    4-2; `sensitivity`: 5-1. Where a number differs, a sentence says why.
+    4-2; `sensitivity`: 5-1. `storms`: Table 1 of Pivano et al. 2008, anti-spin, beside storms.
+    `levers`: Tables 1 to 3 of the CPP optimiser paper. Where a number differs, a sentence says
+    why.
     """
     names = list(study.TABLES) if table is Table.ALL else [table.value]
     with clear_errors():
@@ -47,7 +51,7 @@ def reproduce(
             with progress(name, ticks) as tick:
                 result = make(out, tick)
             digits = 4 if name == "poles" else 2
-            print_table(result.shown, f"{result.title}: ours (thesis)", digits)
+            print_table(result.shown, result.title, digits)
             console.print("Where they differ, and why:\n" + result.reasons + "\n",
                           highlight=False, markup=False)  # fmt: skip
             numbers[name] = result.numbers

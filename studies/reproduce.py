@@ -13,15 +13,19 @@ from ..observers import follow, get_observer, readings_of
 from ..plant import linearise, load_ship
 from . import (
     figures,
+    levers,
     load_cases,
     poles,
     rounded_table,
     sensitivity,
     snr,
+    storm_page,
+    storm_results,
     vaf,
     verification,
     working_points,
 )
+from .lever_tables import against_combinator
 from .load_cases import CASES
 from .metrics import variance_accounted_for
 from .tables import markdown, reasons_text, side_by_side, write_table
@@ -57,7 +61,7 @@ def _finished(
         f"{markdown(shown)}\n\nWhere they differ, and why:\n\n{reasons}\n{extra}"
     )
     write_table(folder, name, title, f"shaftline reproduce {name}", comparison, body)
-    return Reproduced(title, shown, reasons, _numbers(comparison))
+    return Reproduced(f"{title}: ours (thesis)", shown, reasons, _numbers(comparison))
 
 
 def reproduce_working_points(folder: Path, tick: Tick) -> Reproduced:
@@ -186,6 +190,30 @@ def reproduce_sensitivity(folder: Path, tick: Tick) -> Reproduced:
     return _finished("sensitivity", title, comparison, folder, 2)
 
 
+def reproduce_storms(folder: Path, tick: Tick) -> Reproduced:
+    """Table 1 of the anti-spin paper, beside storms at sea."""
+    found = storm_results.measured(tick)
+    beside = storm_results.beside_table_1(found.numbers)
+    title = "Storms: anti-spin over without"
+    body = storm_page.body(found, beside)
+    write_table(folder, "storms", title, "shaftline reproduce storms", found.numbers, body)
+    picture = storm_page.figure(found.traces, load_ship("frigate").time_step_s)
+    figures.save(picture, folder / "figures" / "storms.png")
+    numbers = beside.set_index("storm").to_dict("index")
+    return Reproduced(title, beside, storm_page.WHY, numbers)
+
+
+def reproduce_levers(folder: Path, tick: Tick) -> Reproduced:
+    """Tables 1 to 3 of the CPP optimiser paper."""
+    whole = levers.whole_envelope(levers.write(folder, tick))
+    keys = ["ship", "curve", "condition", "control", "lever"]
+    numbers = {
+        " / ".join(map(str, row[keys])): row.drop([*keys, "active"]).dropna().to_dict()
+        for _, row in whole.iterrows()
+    }
+    return Reproduced(levers.CHANGE, against_combinator(whole), levers.FINDINGS, numbers)
+
+
 TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
     "working-points": (reproduce_working_points, 1),
     "poles": (reproduce_poles, 1),
@@ -195,5 +223,7 @@ TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
         (1 + len(snr.SAMPLE_TIMES_S)) * len(vaf.ROWS) + 10 + vaf.records(),
     ),
     "sensitivity": (reproduce_sensitivity, 7),
+    "storms": (reproduce_storms, storm_results.TICKS),
+    "levers": (reproduce_levers, levers.TICKS),
 }
 """Every table by name, and how many ticks it makes."""

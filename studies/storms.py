@@ -23,6 +23,10 @@ from ..plant.waves import SEA
 INTERVAL_STEPS = 10
 # not cached: only the folders that hold kernels are watched for ones that have gone stale
 uncached = numba.njit(error_model="numpy")
+ORDER_M_S = 8.0
+RESISTANCE_FACTOR = 1.6
+"""Over calm water's; assumed, since the plant knows no added resistance of waves."""
+
 TRUTH = ("thrust", "thrust_power", "power", "peak_power", "shaft_speed", "peak_speed", "ship_speed",
          "ventilation", "propeller_torque", "rack")  # fmt: skip
 
@@ -100,21 +104,35 @@ def sail(
     ship: Ship,
     controller: AntiSpin,
     *,
-    order_m_s: float,
+    order_m_s: float = ORDER_M_S,
+    start_m_s: float | None = None,
     sea: str = "calm",
     seeds: range = range(1),
     duration_s: float = 300.0,
     resistance_factor: float = 1.0,
 ) -> Storm:
-    """Sail one ship a seed, all under one controller; the first 30 s are not kept."""
+    """Sail one ship a seed, all under one controller; the first 30 s are not kept.
+
+    Args:
+        ship: a ship with a diesel.
+        controller: of all of them.
+        order_m_s: ordered ship speed [m/s].
+        start_m_s: ship speed at first [m/s]; the order by default.
+        sea: name of a preset, head seas.
+        seeds: of the sea, one a ship.
+        duration_s: with the 30 s [s].
+        resistance_factor: over calm water's [-].
+    """
     n, dt = len(seeds), ship.time_step_s
     plant = ship.record()
     spectrum = get_sea(sea)
     seas = np.zeros(n, SEA)
     states, memories = np.zeros(n, STATE), np.zeros(n, MEMORY)
-    row = controller.table.at(np.array([order_m_s]))
+    row = controller.curve.at(np.array([order_m_s]))
     start = equilibrium(ship, 20.0, float(row.pitch_ratio[0]))
-    first = start.state._replace(shaft_speed=float(row.shaft_speed[0]), ship_speed=order_m_s)
+    first = start.state._replace(
+        shaft_speed=float(row.shaft_speed[0]), ship_speed=start_m_s or order_m_s
+    )
     readings = np.zeros((n, 8))
     for i, seed in enumerate(seeds):
         if spectrum is not None:
@@ -162,19 +180,28 @@ def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True))
 
 
+def event_counts(
+    truth: NDArray[np.bool_], detected: NDArray[np.bool_], slack: int = 2
+) -> NDArray[np.float64]:
+    """Right calls, calls, events found and events of each ship, shape (n, 4).
+
+    Events are runs; a call is right that overlaps one or comes up to ``slack`` samples late.
+    """
+    rows = []
+    for happened, called in zip(truth, detected, strict=True):
+        real, found = _runs(happened), _runs(called)
+        hits = [[a < end + slack and b > start for a, b in found] for start, end in real]
+        table = np.array(hits, dtype=bool).reshape(len(real), len(found))
+        rows.append((table.any(axis=0).sum(), len(found), table.any(axis=1).sum(), len(real)))
+    return np.array(rows, dtype=np.float64)
+
+
 def event_scores(
     truth: NDArray[np.bool_], detected: NDArray[np.bool_], slack: int = 2
 ) -> tuple[float, float]:
-    """Precision and recall by events: runs that overlap, a detection up to ``slack`` samples late."""
-    true_hits, hits, events, calls = 0, 0, 0, 0
-    for happened, called in zip(truth, detected, strict=True):
-        real, found = _runs(happened), _runs(called)
-        events, calls = events + len(real), calls + len(found)
-        hits += sum(any(a < end + slack and b > start for a, b in found) for start, end in real)
-        true_hits += sum(
-            any(a < end + slack and b > start for start, end in real) for a, b in found
-        )
-    return true_hits / max(calls, 1), hits / max(events, 1)
+    """Precision and recall by events; see :func:`event_counts`."""
+    right, calls, found, events = event_counts(truth, detected, slack).sum(axis=0)
+    return right / max(calls, 1.0), found / max(events, 1.0)
 
 
 def sample_scores(
@@ -187,15 +214,12 @@ def sample_scores(
     return both / max(float(called.sum()), 1.0), both / max(float(happened.sum()), 1.0)
 
 
-def storm_pair(seeds: range, order_m_s: float = 8.0, **values: Any) -> tuple[Storm, Storm]:
-    """The same storms with and without anti-spin: sea state 6, resistance 1.6 times calm water's.
-
-    The added resistance is assumed; the plant knows none of waves.
-    """
+def storm_pair(seeds: range, **values: Any) -> tuple[Storm, Storm]:
+    """The same storms of state 6 with and without anti-spin, the ship's file changed by ``values``."""
     ship = storm_frigate(**values)
     with_it, without = (
-        sail(ship, AntiSpin(ship, anti_spin=switch), order_m_s=order_m_s, sea="state-6",
-             seeds=seeds, resistance_factor=1.6)
+        sail(ship, AntiSpin(ship, anti_spin=switch), sea="state-6", seeds=seeds,
+             resistance_factor=RESISTANCE_FACTOR)
         for switch in (True, False)
     )  # fmt: skip
     return with_it, without
@@ -214,32 +238,3 @@ def key_numbers(storm: Storm) -> dict[str, NDArray[np.float64]]:
         "highest shaft speed [rad/s]": storm.peak_speed.max(axis=1),
         "ship speed [m/s]": storm.ship_speed.mean(axis=1),
     }
-
-
-def _print_tables(seeds: range) -> None:
-    """Mean over the seeds and bootstrap 95 % interval of the paired change; the tables of the docs."""
-    rng = np.random.default_rng(0)
-    pick = rng.integers(0, len(seeds), (4000, len(seeds)))
-    loaded = {"ventilation.loading_gain": 5.0, "ventilation.onset_submergence": 0.3,
-              "ventilation.recovery_submergence": 0.6}  # fmt: skip
-    for title, values in (("fixed onset", {}), ("onset by loading", loaded)):
-        print(f"\n| {title}, {len(seeds)} storms | anti-spin | without | change, 95 % |")
-        print("|---|---|---|---|")
-        with_it, without = storm_pair(seeds, **values)
-        on, off = key_numbers(with_it), key_numbers(without)
-        for name in on:
-            change = on[name][pick].mean(axis=1) / off[name][pick].mean(axis=1) - 1.0
-            low, high = 100.0 * np.percentile(change, [2.5, 97.5])
-            print(f"| {name} | {on[name].mean():.4g} | {off[name].mean():.4g} | "
-                  f"{low:+.1f} to {high:+.1f} % |")  # fmt: skip
-        for label, storm in (("anti-spin", with_it), ("without", without)):
-            truth, called = truth_and_detection(storm)
-            print(f"\n{label}: ventilated {truth.mean():.3f} of the time; precision, recall by events "
-                  f"{event_scores(truth, called)}, by samples {sample_scores(truth, called)}, "
-                  f"1 s late {sample_scores(truth, called, 2)}")  # fmt: skip
-            error = storm.torque_estimate[:, 1:] - storm.propeller_torque[:, :-1]
-            print(f"Q_p-hat error RMS / mean Q_p {error.std() / storm.propeller_torque.mean():.3f}")
-
-
-if __name__ == "__main__":
-    _print_tables(range(100, 120))  # none of them was sailed while tuning

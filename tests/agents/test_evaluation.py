@@ -93,10 +93,11 @@ def test_finished_cells_are_not_sailed_again(tmp_path: Path, combinator: Combina
         return combinator
 
     other = Setting(**{**CELL.__dict__, "sea": "calm"})
-    first = evaluate([CELL], make, tmp_path)
-    both = evaluate([CELL, other], make, tmp_path)
+    first = evaluate([CELL], make, tmp_path, jobs=1).table
+    both, traces = evaluate([CELL, other], make, tmp_path, jobs=1)
     assert made == [CELL, other]
     assert both.iloc[0]["fuel_kg_nmi"] == first.iloc[0]["fuel_kg_nmi"]
+    assert [tuple(trace.columns) for trace in traces] == [TRACE, TRACE]
     assert both.iloc[1]["torque_sd_kN_m"] < both.iloc[0]["torque_sd_kN_m"]
 
 

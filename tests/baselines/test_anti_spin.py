@@ -9,11 +9,12 @@ import pytest
 
 from shaftline.baselines.anti_spin import AntiSpin, AntiSpinTuning, check_gains
 from shaftline.baselines.anti_spin_kernel import gauge_jump, thrust_per_torque
-from shaftline.baselines.calm_water import calm_water_table
+from shaftline.baselines.combinator import combinator_curve
 from shaftline.baselines.torque_loss import TorqueLossObserver
 from shaftline.baselines.ventilation_detection import (
     DETECTION,
     VentilationDetector,
+    excess_inflow,
     torque_ratio,
     update_detection,
 )
@@ -67,6 +68,8 @@ def test_gains_within_the_conditions_pass(gains: tuple[float, float, float]) -> 
         {"detector": VentilationDetector(on_below=0.8, off_above=0.7)},
         {"detector": VentilationDetector(blend_gain=0.0)},
         {"detector": VentilationDetector(hold_s=-1.0)},
+        {"detector": VentilationDetector(sea_margin=-1.0)},
+        {"detector": VentilationDetector(sea_memory_s=0.0)},
     ],
 )
 def test_bad_tuning_is_refused(frigate: Ship, change: dict[str, Any]) -> None:
@@ -75,7 +78,10 @@ def test_bad_tuning_is_refused(frigate: Ship, change: dict[str, Any]) -> None:
 
 
 def test_numbers_of_the_tuning_go_by_name(frigate: Ship) -> None:
-    assert AntiSpin(frigate, ventilated_speed=0.8).settings["ventilated_speed"] == 0.8
+    settings = AntiSpin(frigate, ventilated_speed=0.8, sea_margin=3.0, speed_rate=9.0).settings
+    assert settings["ventilated_speed"] == 0.8
+    assert settings["detector"]["sea_margin"] == 3.0
+    assert settings["observer"]["speed_gain"] == 9.0 * settings["observer"]["inertia"]
     with pytest.raises(TypeError, match="nonsense"):
         AntiSpin(frigate, nonsense=1.0)
 
@@ -104,15 +110,21 @@ def test_only_diesel_ships_are_taken() -> None:
 # parts
 
 
-def test_table_holds_steady_states(frigate: Ship) -> None:
-    table = calm_water_table(frigate)
-    assert np.all(np.diff(table.ship_speed) > 0.0)
-    point = table.at(np.array([8.0]))
-    rack = 19.5
-    steady = equilibrium(frigate, rack, float(point.pitch_ratio[0]))
-    at = table.at(np.array([steady.state.ship_speed]))
-    assert at.shaft_speed[0] == pytest.approx(steady.state.shaft_speed, rel=1e-3)
-    assert at.thrust[0] == pytest.approx(steady.outputs.thrust, rel=0.01)
+def test_set_points_are_steady_states(frigate: Ship) -> None:
+    curve = combinator_curve(frigate)
+    steady = equilibrium(frigate, 19.5, float(curve.at(8.0).pitch_ratio))
+    at = curve.at(steady.state.ship_speed)
+    assert at.shaft_speed == pytest.approx(steady.state.shaft_speed, rel=1e-3)
+    assert at.thrust == pytest.approx(steady.outputs.thrust, rel=1e-3)
+
+
+def test_a_fixed_pitch_is_taken(frigate: Ship) -> None:
+    fixed = frigate.with_values(
+        {"propeller.pitch_ratio_min": 1.2, "propeller.pitch_ratio_max": 1.2}
+    )
+    controller = AntiSpin(fixed)
+    assert np.all(np.diff(controller.curve.shaft_speed) > 0.0)
+    assert controller.predict(CRUISE)[0][0] == 0.0
 
 
 def test_torque_ratio_compares_with_the_nominal_torque(frigate: Ship) -> None:
@@ -132,9 +144,33 @@ def test_hysteresis_and_hold_time() -> None:
     detection = np.zeros(1, DETECTION)[0]
     states = []
     for ratio in (0.7, 0.59, 0.9, 0.9, 0.9, 0.7, 0.5, 0.7, 0.7, 0.7, 0.79, 0.81):
-        update_detection(detector, detection, ratio)
+        update_detection(detector, detection, ratio, 1.0)
         states.append(int(detection["ventilating"]))
     assert states == [0, 1, 1, 1, 0, 0, 1, 1, 1, 1, 1, 0]
+
+
+def test_the_seas_own_inflow_is_told_from_the_side_that_gains_torque() -> None:
+    rng = np.random.default_rng(3)
+    detection = np.zeros(1, DETECTION)[0]
+    detector = VentilationDetector(sea_margin=3.0).discretise(0.5)
+    waves = rng.normal(0.0, 0.6, 4000)
+    calls = []
+    for inflow in waves:
+        update_detection(detector, detection, 1.0 - 0.5 * inflow, inflow)
+        calls.append(int(detection["ventilating"]))
+    assert detection["sea_square"] == pytest.approx(0.36, rel=0.25)
+    # the paper's threshold alone would call at every inflow above 0.7 m/s, an eighth of all
+    assert np.mean(waves > 0.7) > 0.1
+    assert np.mean(calls) < 0.02
+    update_detection(detector, detection, 0.3, 2.4)  # more than such a sea can take
+    assert detection["ventilating"] == 1
+
+
+def test_inflow_that_explains_a_torque(frigate: Ship) -> None:
+    plant = frigate.record()
+    torque = model_torque(plant, 0.95 * 8.0 + 0.7, 9.6, 1.4)
+    assert excess_inflow(plant, torque, 9.6, 1.4, 8.0) == pytest.approx(0.7)
+    assert excess_inflow(plant, torque, 0.0, 1.4, 8.0) == 0.0
 
 
 def test_gauge_jumps_with_the_fuel_as_the_plant_says(frigate: Ship) -> None:

@@ -9,7 +9,7 @@ import pytest
 from .conftest import Command
 from .test_bad_input import nothing_written, refused
 
-QUICK = ("--seeds", 3, "--episode-s", 20)
+QUICK = ("--seeds", 3, "--episode-s", 20, "--jobs", 1)
 
 
 def test_controllers_are_compared(shaftline: Command, tmp_path: Path) -> None:
@@ -39,6 +39,20 @@ def test_an_evaluation_goes_on_where_it_stopped(shaftline: Command, tmp_path: Pa
     assert len(list((tmp_path / "cells").glob("*.json"))) == 2
 
 
+def test_controllers_that_use_no_estimate_take_one_row(shaftline: Command, tmp_path: Path) -> None:
+    result = shaftline(
+        "evaluate", "--controller", "combinator", "--controller", "cpp-optimiser",
+        "--sea", "calm", "--sea", "state-5", "--observer", "oracle", "--observer", "power-balance",
+        "--out", tmp_path, *QUICK,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert len(pd.read_csv(tmp_path / "table.csv")) == 8
+    page = (tmp_path / "table.md").read_text()
+    assert page.count("| combinator | any |") == page.count("## Sea:") == 2
+    assert page.count("| cpp-optimiser | oracle |") == 2
+    assert "Zero everywhere: `overload_s`" in page
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -49,10 +63,14 @@ def test_an_evaluation_goes_on_where_it_stopped(shaftline: Command, tmp_path: Pa
         (("--controller", "combinator", "--sea", "state-9"), ("unknown sea 'state-9'",)),
         (("--controller", "combinator", "--observer", "eye"), ("unknown observer 'eye'",)),
         (("--controller", "combinator", "--ship", "tito-neri-sine"), ("tito-neri-sine",)),
+        (("--controller", "combinator", "--jobs", "0"), ("--jobs",)),
+        (("--controller", "combinator", "--backend", "threads"), ("--backend", "dask")),
+        (("--controller", "combinator", "--backend", "dask"), ("--scheduler", "tcp://")),
+        (("--controller", "combinator", "--scheduler", "tcp://x:1"), ("--backend dask",)),
     ],
 )
 def test_bad_input(
     shaftline: Command, tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
-    refused(shaftline("evaluate", *arguments, "--out", tmp_path, *QUICK), *words)
+    refused(shaftline("evaluate", *arguments, "--out", tmp_path, *QUICK[:4]), *words)
     nothing_written(tmp_path)

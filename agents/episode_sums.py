@@ -1,0 +1,73 @@
+"""Running sums over a batch of episodes, and the key performance indicators that they become."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+_NAUTICAL_MILE = 1852.0
+
+
+class EpisodeSums:
+    """Running sums of the KPIs, one entry a seed."""
+
+    def __init__(self, n: int) -> None:
+        self.count, self.fuel, self.error, self.torque, self.square = np.zeros((5, n))
+        self.peak, self.travel, self.overload, self.overspeed = np.zeros((4, n))
+        self.cavitation, self.ventilation, self.thrust, self.reward = np.zeros((4, n))
+        self.power, self.power_peak, self.distance = np.zeros((3, n))
+        self.failed = np.zeros(n, dtype=bool)
+
+    def add(
+        self,
+        alive: Any,
+        info: dict[str, Any],
+        reward: Any,
+        order: Any,
+        interval: float,
+        gear: float,
+    ) -> None:
+        """Take one control interval of those episodes that still run."""
+        terms = info["reward_terms"]
+        torque = info["shaft_torque"] * 1e-3
+        power = info["brake_torque"] * info["shaft_speed"] * gear * 1e-3
+        self.count += alive
+        self.fuel += alive * terms["fuel_kg_s"] * interval
+        self.error += alive * (info["ship_speed"] - order) ** 2
+        self.torque += alive * torque
+        self.square += alive * torque**2
+        self.peak = np.where(alive, np.maximum(self.peak, torque), self.peak)
+        self.travel += alive * terms["rack_travel_mm"]
+        self.overload += alive * (terms["overload"] > 0.0) * interval
+        self.overspeed += alive * (terms["overspeed"] > 0.0) * interval
+        self.cavitation += alive * (terms["cavitation"] > 0.0) * interval
+        self.ventilation += alive * (info["ventilation"] > 0.5) * interval
+        self.thrust += alive * info["thrust"] * 1e-3
+        self.power += alive * power
+        self.power_peak = np.where(alive, np.maximum(self.power_peak, power), self.power_peak)
+        self.reward += alive * reward
+        self.distance = np.where(alive, info["position"], self.distance)
+
+    def kpis(self, interval: float) -> pd.DataFrame:
+        """KPIs, one row a seed."""
+        mean = self.torque / self.count
+        return pd.DataFrame(
+            {
+                "fuel_kg_nmi": self.fuel / np.maximum(self.distance, 1.0) * _NAUTICAL_MILE,
+                "speed_error_rms_m_s": np.sqrt(self.error / self.count),
+                "torque_sd_kN_m": np.sqrt(np.maximum(self.square / self.count - mean**2, 0.0)),
+                "torque_peak_kN_m": self.peak,
+                "rack_travel_mm_min": self.travel / (self.count * interval) * 60.0,
+                "overload_s": self.overload,
+                "overspeed_s": self.overspeed,
+                "cavitation_s": self.cavitation,
+                "ventilation_s": self.ventilation,
+                "thrust_mean_kN": self.thrust / self.count,
+                "power_mean_kW": self.power / self.count,
+                "power_peak_kW": self.power_peak,
+                "failed": self.failed.astype(float),
+                "reward": self.reward,
+            }
+        )
