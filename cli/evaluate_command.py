@@ -115,12 +115,12 @@ def evaluate(
         write_atomically(out / "table.csv", lambda f: table.to_csv(f, index=False))
         write_text(out / "table.md", page(table, title, _SHOWN))
         write_json(out / "table.json", table.to_dict(orient="records"))
-        firsts = {cell.controller: i for i, cell in reversed(list(enumerate(cells)))}
-        drawn = {name: traces[firsts[name]] for name in made}
+        lasts = {cell.controller: i for i, cell in enumerate(cells)}
+        drawn = {name: traces[lasts[name]] for name in made}
         picture = out / "comparison.png"
         figures.save(figures.controllers(drawn, sailed), picture)
         if render:
-            for cell in (cells[firsts[name]] for name in made):
+            for cell in (cells[lasts[name]] for name in made):
                 name = "".join(c if c.isalnum() or c == "-" else "-" for c in cell.controller)
                 frame = _last_frame(cell, make(cell))
                 write_atomically(
