@@ -173,15 +173,21 @@ def invert_torque_coefficient(
 
 
 @compiled
+def cavitation_number(plant: Record, revolutions: Real, submergence: Real) -> Real:
+    """Cavitation number by shaft speed, sigma_n = (p0 + rho g h - p_v) / (rho n^2 D^2 / 2) [-]."""
+    pressure = ATMOSPHERE - VAPOUR_PRESSURE + plant.density * GRAVITY * submergence
+    tip = 0.5 * plant.density * revolutions * revolutions * plant.diameter * plant.diameter
+    return pressure / tip
+
+
+@compiled
 def cavitation_loss(plant: Record, revolutions: Real, submergence: Real) -> Real:
     """Fraction of thrust lost to cavitation breakdown [-], 0 where ``cavitation_breakdown`` is 0.
 
-    Grows linearly as the cavitation number by shaft speed,
-    sigma_n = (p0 + rho g h - p_v) / (rho n^2 D^2 / 2), falls below the onset.
+    Grows linearly as the cavitation number falls below the onset.
     """
-    pressure = ATMOSPHERE - VAPOUR_PRESSURE + plant.density * GRAVITY * submergence
-    tip = 0.5 * plant.density * revolutions * revolutions * plant.diameter * plant.diameter
-    deficit = 1.0 - pressure / (tip * plant.cavitation_onset_number)
+    number = cavitation_number(plant, revolutions, submergence)
+    deficit = 1.0 - number / plant.cavitation_onset_number
     return plant.cavitation_breakdown * clip(deficit, 0.0, 1.0)
 
 

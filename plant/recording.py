@@ -24,11 +24,21 @@ _MEASURED = {
     "ship_speed_m_s": "measured_ship_speed",
 }
 _OPTIONAL = {"thrust_N": "thrust", "motor_current_A": "motor_current"}
-_BOUNDS = {
+BOUNDS = {
     **{signal.column: (signal.low, signal.high, signal.unit) for signal in SIGNALS},
     "motor_voltage_V": (-1e5, 1e5, "V"),
     "motor_torque_N_m": (-1e8, 1e8, "N m"),
+    "fuel_flow_kg_s": (0.0, 100.0, "kg/s"),
+    "inflow_velocity_m_s": (-40.0, 40.0, "m/s"),
 }
+"""Lowest and highest value and unit of each column that is understood."""
+
+COLUMNS = (
+    TIME, "fuel_rack_mm", "motor_voltage_V", "motor_torque_N_m", "pitch_ratio_command",
+    "pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
+    "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", "inflow_velocity_m_s",
+)  # fmt: skip
+"""Canonical columns of a recording; demands first, then what was measured."""
 
 
 class RecordingError(ValueError):
@@ -52,7 +62,8 @@ def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
     """Read and check a recording.
 
     Args:
-        path: CSV file with a header of canonical columns (name and unit, such as ``fuel_rack_mm``).
+        path: CSV or Parquet file with a header of canonical columns (name and unit, such as
+            ``fuel_rack_mm``).
         required: columns that must be there.
 
     Returns:
@@ -64,10 +75,37 @@ def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
             header.
     """
     path = Path(path)
+    table = as_numbers(path, read_table(path), required)
+    check_bounds(path, table)
+    _check_time(path, table[TIME].to_numpy())
+    return table
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """The raw table of a CSV or Parquet file.
+
+    Raises:
+        RecordingError: the file cannot be read, or Parquet's reader (pyarrow) is not installed.
+    """
+    parquet = path.suffix.lower() in (".parquet", ".pq")
     try:
-        table = pd.read_csv(path)
-    except (OSError, UnicodeDecodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise RecordingError(f"{path}: cannot be read as CSV: {error}") from None
+        return pd.read_parquet(path) if parquet else pd.read_csv(path)
+    except ImportError:
+        raise RecordingError(
+            f"{path}: Parquet needs pyarrow: pip install 'shaftline[parquet]'"
+        ) from None
+    except (OSError, ValueError) as error:  # pandas' and pyarrow's own are ValueErrors
+        kind = "Parquet" if parquet else "CSV"
+        raise RecordingError(f"{path}: cannot be read as {kind}: {error}") from None
+
+
+def as_numbers(path: Path, table: pd.DataFrame, required: list[str]) -> pd.DataFrame:
+    """A copy whose understood columns are finite floats.
+
+    Raises:
+        RecordingError: a required column missing, fewer than two rows, or a value that is no
+            finite number.
+    """
     missing = [column for column in required if column not in table.columns]
     if missing:
         raise RecordingError(
@@ -76,29 +114,35 @@ def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
         )
     if len(table) < 2:
         raise RecordingError(f"{path}: {len(table)} row(s); at least 2 are needed")
-    for column in (c for c in table.columns if c in _BOUNDS):
-        table[column] = _checked(path, column, table[column])
-    _check_time(path, table[TIME].to_numpy())
+    table = table.copy()
+    for column in (c for c in table.columns if c in BOUNDS):
+        numbers = pd.to_numeric(table[column], errors="coerce").astype(float)
+        bad = ~np.isfinite(numbers.to_numpy())
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise RecordingError(
+                f"{path}: {column}, row {row + 1}: {table[column].iloc[row]!r} is not a finite "
+                f"number ({bad.sum()} of {len(table)} rows; unit {BOUNDS[column][2]})"
+            )
+        table[column] = numbers
     return table
 
 
-def _checked(path: Path, column: str, values: pd.Series) -> pd.Series:
-    numbers = pd.to_numeric(values, errors="coerce").astype(float)
-    low, high, unit = _BOUNDS[column]
-    bad = ~np.isfinite(numbers.to_numpy())
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise RecordingError(
-            f"{path}: {column}, row {row + 1}: {values.iloc[row]!r} is not a finite number"
-        )
-    outside = (numbers.to_numpy() < low) | (numbers.to_numpy() > high)
-    if outside.any():
-        row = int(np.argmax(outside))
-        raise RecordingError(
-            f"{path}: {column}, row {row + 1}: {numbers.iloc[row]:g} {unit} lies outside "
-            f"{low:g} to {high:g} {unit}"
-        )
-    return numbers
+def check_bounds(path: Path, table: pd.DataFrame) -> None:
+    """Refuse values that no ship reaches.
+
+    Raises:
+        RecordingError: a value outside its column's :data:`BOUNDS`.
+    """
+    for column in (c for c in table.columns if c in BOUNDS):
+        low, high, unit = BOUNDS[column]
+        outside = ~table[column].between(low, high).to_numpy()
+        if outside.any():
+            row = int(np.argmax(outside))
+            raise RecordingError(
+                f"{path}: {column}, row {row + 1}: {table[column].iloc[row]:g} {unit} lies outside "
+                f"{low:g} to {high:g} {unit}"
+            )
 
 
 def _check_time(path: Path, time: np.ndarray[Any, Any]) -> None:
@@ -120,8 +164,8 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
     """Drive a ship open loop with a recording's inputs.
 
     The demands are held between rows. The simulation starts from the first row's pitch ratio, shaft
-    speed and ship speed where the recording has all three, else from the steady state at the first
-    row's demands.
+    speed and ship speed where all three are known (a fixed pitch and a fixed hull's speed are), else
+    from the steady state at the first row's demands.
 
     Args:
         ship: the ship.
@@ -161,8 +205,13 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
 
 def _initial_state(ship: Ship, recording: pd.DataFrame, drive: float, pitch: float) -> State:
     measured = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
-    if all(column in recording for column in measured):
-        first = (float(recording[column].iloc[0]) for column in measured)
+    known = {column: float(recording[column].iloc[0]) for column in measured if column in recording}
+    if ship.propeller.pitch_ratio_min == ship.propeller.pitch_ratio_max:
+        known["pitch_ratio"] = ship.propeller.pitch_ratio_max
+    if ship.hull.fixed:
+        known["ship_speed_m_s"] = 0.0
+    if len(known) == len(measured):
+        first = (known[column] for column in measured)
         bare = State(*first, *(0.0,) * (len(State._fields) - len(measured)))
         return with_lags_settled(ship.record(), bare, steady_inputs(drive, pitch))
     try:

@@ -1,0 +1,162 @@
+"""Checks of a recording besides its units: the time base, the pitch's order, clipping, dullness."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from ..plant.recording import BOUNDS, TIME, RecordingError, drive_column
+from ..plant.ship import Ship
+from .noise import Noise, clipped, frozen
+from .slips import demands
+
+_EVEN = 0.01  # share of the interval by which a step may differ and still be even
+_LONGEST_GAP = 3  # missing samples that are filled in
+_FASTEST_S, _SLOWEST_S = 1e-4, 5.0
+_FEWEST_ROWS = 200
+_TIME_CONSTANTS = 3.0
+_DULL_DEMAND = 0.05  # share of its range over which a demand must move
+_DULL_SIGNAL = 3.0  # multiple of its noise over which a measurement must move
+_FOLLOWS = 0.5  # share of the other order's misfit below which a pitch leads, not lags
+
+
+def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The table on an even time base, and warnings on what was interpolated for it."""
+    time = table[TIME].to_numpy()
+    steps = np.diff(time)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0)) + 2
+        raise RecordingError(
+            f"{path}: {TIME}, row {row}: {time[row - 1]:g} s after {time[row - 2]:g} s; time must "
+            "rise from row to row"
+        )
+    usual = float(np.median(steps))
+    if not _FASTEST_S <= usual <= _SLOWEST_S:
+        raise RecordingError(
+            f"{path}: {TIME} steps by {usual:.4g} s from row to row; allowed: {_FASTEST_S:g} to "
+            f"{_SLOWEST_S:g} s; if it counts another unit, say so in the column map (unit = "
+            f'"{"ms" if usual > _SLOWEST_S else "day"}", for example)'
+        )
+    gaps = np.flatnonzero(steps > 1.5 * usual)
+    long = gaps[steps[gaps] > (_LONGEST_GAP + 1.5) * usual]
+    if len(long):
+        row = int(long[0]) + 2
+        raise RecordingError(
+            f"{path}: {TIME}, row {row}: a gap of {steps[row - 2]:.4g} s after {time[row - 2]:g} s "
+            f"where {usual:.4g} s is usual ({len(long)} such gaps; up to {_LONGEST_GAP} missing "
+            "samples are filled in); cut the recording there and use the parts"
+        )
+    uneven = np.abs(steps - usual) > 0.5 * usual
+    if uneven.mean() > 0.05:
+        row = int(np.argmax(uneven)) + 2
+        raise RecordingError(
+            f"{path}: {TIME}, row {row}: a step of {steps[row - 2]:.4g} s where {usual:.4g} s is "
+            f"usual, and {uneven.mean():.0%} of all steps differ as much; resample the recording "
+            "to an even time base"
+        )
+    warnings = []
+    if len(gaps):
+        rows = ", ".join(str(row + 2) for row in gaps[:5]) + (", ..." if len(gaps) > 5 else "")
+        warnings.append(
+            f"samples are missing before row {rows}; they were interpolated linearly"
+        )  # fmt: skip
+    elif (np.abs(steps - usual) <= _EVEN * usual).all():
+        return table, warnings
+    worst = float(np.max(np.abs(steps[steps <= 1.5 * usual] - usual)))
+    if worst > _EVEN * usual:
+        warnings.append(
+            f"steps of time differ by up to {worst:.2g} s from the usual {usual:.4g} s; every "
+            "channel was interpolated linearly onto an even time base"
+        )
+    count = round((time[-1] - time[0]) / float(np.mean(steps[~uneven]))) + 1
+    even = np.linspace(time[0], time[-1], count)
+    return pd.DataFrame(
+        {c: np.interp(even, time, table[c]) for c in table} | {TIME: even}
+    ), warnings
+
+
+def too_short(table: pd.DataFrame, interval: float, ship: Ship) -> list[str]:
+    """Sentences on what a recording is too short for; empty if it is long enough."""
+    said = []
+    if len(table) < _FEWEST_ROWS:
+        said.append(f"too short: {len(table)} rows; below {_FEWEST_ROWS} little can be told")
+    if not ship.hull.fixed and "ship_speed_m_s" in table:
+        speed = float(table["ship_speed_m_s"].abs().median())
+        hull = ship.hull.mass_kg / (
+            2.0 * ship.hull.resistance_coefficient_N_s2_m2 * max(speed, 1.0)
+        )
+        if interval * len(table) < _TIME_CONSTANTS * hull:
+            said.append(
+                f"too short: {interval * len(table):.4g} s, where the hull's time constant is "
+                f"{hull:.3g} s; its balance needs {_TIME_CONSTANTS * hull:.3g} s"
+            )
+    return said
+
+
+def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[str]:
+    """Sentences on channels that move too little, against their range or their noise."""
+    plant, said = ship.record(), []
+    spans = {
+        drive_column(ship): float(plant["drive_max"] - plant["drive_min"]),
+        "pitch_ratio_command": float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
+    }
+    for column in demands(ship, table):
+        low, high = np.percentile(table[column], (2.5, 97.5))
+        if high - low < _DULL_DEMAND * spans[column]:
+            said.append(
+                f"dull: {column} moves over {high - low:.3g} {BOUNDS[column][2]}, "
+                f"{(high - low) / spans[column]:.1%} of its range"
+            )
+    for column in (c for c in noise if c not in demands(ship, table)):
+        moves = float(table[column].std(ddof=0))
+        if moves <= _DULL_SIGNAL * noise[column].white_rms:
+            said.append(
+                f"dull: {column} moves by {moves:.3g} {BOUNDS[column][2]} rms, which is hardly more "
+                f"than its noise of {noise[column].white_rms:.3g}"
+            )
+    return said
+
+
+def pitch_swapped(table: pd.DataFrame, interval_s: float, ship: Ship) -> bool:
+    """Whether the pitch command follows the measured pitch, when it should lead."""
+    if not {"pitch_ratio", "pitch_ratio_command"} <= set(table):
+        return False
+    command = table["pitch_ratio_command"].to_numpy()
+    measured = table["pitch_ratio"].to_numpy()
+    if min(np.ptp(command), np.ptp(measured)) < 0.02:
+        return False
+    share = -math.expm1(-interval_s / ship.pitch_actuator.time_constant_s)
+
+    def after(values: NDArray[Any]) -> NDArray[Any]:
+        start = [(1.0 - share) * values[0]]
+        return np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=start)[0])
+
+    forward, backward = np.std(after(command) - measured), np.std(after(measured) - command)
+    return bool(backward < _FOLLOWS * forward)
+
+
+def at_rest(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> Iterator[str]:
+    """Warnings on channels that rest: at the drive's end stop, at a sensor's limit, or frozen."""
+    drive, stop = drive_column(ship), float(ship.record()["drive_max"])
+    at_stop = float((table[drive].abs() >= stop).mean())
+    if at_stop > 0.0:
+        yield f"{drive} is at its end stop in {at_stop:.1%} of the rows"
+    for column in (c for c in noise if c not in demands(ship, table)):
+        for end, share, row in clipped(table[column].to_numpy(), noise[column]):
+            yield (
+                f"{column} stands at its extreme {end:g} {BOUNDS[column][2]} in {share:.0%} of the "
+                f"rows, first in row {row + 1}: the sensor or its logger is saturated"
+            )
+        row, length = frozen(table[column].to_numpy(), noise[column])
+        if length:
+            yield (
+                f"{column} does not change for {length} rows from row {row + 1}, although its noise "
+                "moves it elsewhere: the sensor or its logger stood still"
+            )

@@ -1,0 +1,196 @@
+"""Column maps: foreign names, units and signs carried onto the canonical columns.
+
+A map is a TOML file with one table, ``[columns]``; a key is a name in the recording's header::
+
+    [columns]
+    "Fuel index" = { column = "fuel_rack_mm", unit = "mm", scale = 0.4 }
+    "N shaft" = { column = "shaft_speed_rad_s", unit = "rpm", sign = -1 }
+    "P/D" = "pitch_ratio"
+
+The canonical value is sign * (scale * value + offset), read in ``unit`` and converted.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import tomllib
+from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from ..plant.recording import BOUNDS, COLUMNS, TIME, RecordingError
+
+DATE_TIME = "datetime"
+"""Unit of a time column that holds dates with times of day, such as ISO 8601."""
+_PITCH = ("pitch_ratio", "pitch_ratio_command")
+_TURNING = ("revolution", "radian", "degree", "turn", "rpm", "rps")
+
+
+class Source(BaseModel):
+    """Where one canonical column comes from, and how its values are carried over."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    column: str = Field(description="canonical column")
+    unit: str | None = Field(default=None, description="unit in the recording; canonical if absent")
+    sign: Literal[1, -1] = Field(default=1, description="-1 turns the channel's sign")
+    scale: float = Field(default=1.0, allow_inf_nan=False, description="units per recorded value")
+    offset: float = Field(default=0.0, allow_inf_nan=False, description="added, in units")
+
+    @field_validator("column")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value not in COLUMNS:
+            raise ValueError(f"{value!r} is not canonical (allowed: {', '.join(COLUMNS)})")
+        return value
+
+    @field_validator("scale")
+    @classmethod
+    def _not_zero(cls, value: float) -> float:
+        if value == 0.0:
+            raise ValueError("0 would leave nothing of the channel (allowed: any other number)")
+        return value
+
+    @model_validator(mode="after")
+    def _convertible(self) -> Source:
+        self.convert(pd.Series([1.0]) if self.unit != DATE_TIME else pd.Series(["2020-01-01"]))
+        return self
+
+    def convert(self, values: pd.Series) -> pd.Series:
+        """Values in the canonical unit; what is no number is left to the recording's own checks.
+
+        Raises:
+            ValueError: the unit is unknown, or of another kind than the canonical one.
+        """
+        if self.unit == DATE_TIME:
+            if self.column != TIME:
+                raise ValueError(f"unit {DATE_TIME!r} is for {TIME} only")
+            stamps = pd.to_datetime(values, utc=True)
+            return (stamps - stamps.iloc[0]).dt.total_seconds()
+        if self.model_fields_set <= {"column"}:
+            return values
+        numbers = pd.to_numeric(values, errors="coerce").astype(float)
+        numbers = self.sign * (self.scale * numbers + self.offset)
+        return numbers if self.unit is None else self._in_canonical_unit(numbers)
+
+    def _in_canonical_unit(self, numbers: pd.Series) -> pd.Series:
+        assert self.unit is not None
+        units = _units()
+        unit = BOUNDS[self.column][2]
+        wanted = units.Unit({"-": "dimensionless"}.get(unit, unit.replace(" ", "*")))
+        try:
+            given = units.parse_units(self.unit)
+        except Exception as error:  # pint raises many kinds for text that is no unit
+            raise ValueError(
+                f"unit {self.unit!r} is not understood ({error}); examples: rpm, kN m, knot, deg"
+            ) from None
+        if not given.is_compatible_with(wanted):
+            raise ValueError(f"unit {self.unit!r} cannot be turned into {unit} of {self.column}")
+        angle = any(word in str(given) for word in _TURNING)
+        if unit == "rad/s" and not angle:
+            raise ValueError(
+                f"unit {self.unit!r} does not say what turns: rpm and rps are revolutions, "
+                "rad/s and deg/s angles"
+            )
+        if self.column in _PITCH and angle:  # a blade angle at 0.7 R: P/D = 0.7 pi tan
+            radians = units.Quantity(numbers.to_numpy(), given).m_as("radian")
+            return 0.7 * math.pi * pd.Series(radians, numbers.index).map(math.tan)
+        return pd.Series(units.Quantity(numbers.to_numpy(), given).m_as(wanted), numbers.index)
+
+
+class ColumnMap(BaseModel):
+    """A whole map: canonical sources by foreign name."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    columns: dict[str, Source] = Field(min_length=1)
+
+    @field_validator("columns", mode="before")
+    @classmethod
+    def _bare_names(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        return {k: {"column": v} if isinstance(v, str) else v for k, v in value.items()}
+
+    @model_validator(mode="after")
+    def _each_once(self) -> ColumnMap:
+        names = [source.column for source in self.columns.values()]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"{twice[0]} is given by more than one column")
+        return self
+
+    def apply(self, path: Path, table: pd.DataFrame) -> pd.DataFrame:
+        """The table under canonical names and units; columns not in the map are kept as they are.
+
+        Raises:
+            RecordingError: the map names a column that the recording does not have, gives a
+                canonical column that it has already, or a time stamp cannot be read.
+        """
+        result = table.drop(columns=[name for name in self.columns if name in table])
+        for name, source in self.columns.items():
+            if name not in table:
+                raise RecordingError(
+                    f"{path}: column {name!r} of the column map is missing; "
+                    f"found: {', '.join(map(str, table.columns))}"
+                )
+            if source.column in result:
+                raise RecordingError(
+                    f"{path}: {source.column} is in the recording and given by {name!r} as well"
+                )
+            try:
+                result[source.column] = source.convert(table[name])
+            except ValueError as error:
+                raise RecordingError(f"{path}: {name!r} as {source.column}: {error}") from None
+        return result
+
+
+def load_map(path: str | Path) -> ColumnMap:
+    """Read a column map.
+
+    Args:
+        path: TOML file; see the module's head and ``docs/recordings.md``.
+
+    Raises:
+        RecordingError: unreadable, or a key that is missing, unknown, of the wrong type or out of
+            range; the message names file, key and what is allowed.
+    """
+    path = Path(path)
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path}: cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RecordingError(f"{path}: not valid TOML: {error}") from None
+    try:
+        return ColumnMap.model_validate(tree)
+    except ValidationError as error:
+        lines = [f"{path}: {_explained(dict(item))}" for item in error.errors()]
+        raise RecordingError("\n".join(lines)) from None
+
+
+def _explained(item: dict[str, Any]) -> str:
+    """One pydantic error as a sentence with key and what is allowed."""
+    key = ".".join(map(str, item["loc"])) or "columns"
+    what = item["ctx"]["error"] if item["type"] == "value_error" else item["msg"].lower()
+    if item["type"] == "missing":
+        return f"{key} is missing"
+    if item["type"] == "extra_forbidden":
+        known = ColumnMap if len(item["loc"]) == 1 else Source
+        return f"{key} is not a known key (allowed: {', '.join(known.model_fields)})"
+    return f"{key}: {what}"
+
+
+@functools.cache
+def _units() -> Any:
+    """The unit registry, with the spellings of ships' logs; made when a map first needs it."""
+    import pint
+
+    units: Any = pint.UnitRegistry(cache_folder=None)
+    for spelling in ("newton_metre = newton * metre = Nm", "@alias knot = kn",
+                     "@alias revolutions_per_minute = RPM"):  # fmt: skip
+        units.define(spelling)
+    return units

@@ -1,0 +1,142 @@
+"""The noise of a channel, told from the channel alone: white part, quantisation, update interval.
+
+The white part is read from fourth differences, which pass the top of the spectrum only: of a motion
+at frequency f, the share (2 sin(pi f dt))^4 / sqrt(70). A swell of 8 s sampled at 10 Hz counts for
+5e-6 of its amplitude. Steps and other events of the voyage are outliers among the differences and
+are left out by a robust scale.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ORDER = 4
+_GAIN = math.sqrt(math.comb(2 * ORDER, ORDER))  # rms of the ORDER-th difference of unit white noise
+_MAD_TO_RMS = 1.4826  # of a Gaussian
+_OUTLIER = 3.5  # standard deviations beyond which a difference is an event
+_KEPT_RMS = 0.9973  # rms of a Gaussian cut there
+_FEWEST = 4 * ORDER
+_ODD_REST = 20  # samples (or updates) without change that noise does not explain
+_DECIMALS = 12  # digits below which two values are the same
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of one channel, in the channel's own unit.
+
+    Attributes:
+        white_rms: rms of what is uncorrelated from one update to the next, the error of quantisation
+            included. Where the sampling is too slow to leave the top of the spectrum to the noise
+            (slower than about 0.2 s in a sea), it is an upper bound.
+        quantisation: step between neighbouring values; 0 where none can be seen.
+        update_s: interval at which the channel takes new values [s]; longer than the recording's
+            where values are repeated in between.
+    """
+
+    white_rms: float
+    quantisation: float
+    update_s: float
+
+
+def describe(values: NDArray[Any], interval_s: float) -> Noise:
+    """Describe the noise of a channel.
+
+    Args:
+        values: (n,) samples, evenly spaced and finite.
+        interval_s: spacing [s].
+
+    Raises:
+        ValueError: the values are not one finite row.
+    """
+    values = np.asarray(values, dtype=float)
+    if values.ndim != 1 or not np.isfinite(values).all():
+        raise ValueError("noise can be told of one row of finite values only")
+    held = _held(values)
+    return Noise(white_rms(values[::held]), quantisation(values), held * interval_s)
+
+
+def white_rms(values: NDArray[Any]) -> float:
+    """Rms of the white part of (n,) samples; 0 with fewer than 16."""
+    if len(values) < _FEWEST:
+        return 0.0
+    differences = np.diff(values, ORDER)
+    scale = _MAD_TO_RMS * float(np.median(np.abs(differences)))
+    if scale == 0.0:  # more than half do not move at all: coarse quantisation
+        return float(np.sqrt(np.mean(differences**2))) / _GAIN if _toggles(values) else 0.0
+    for _ in range(20):
+        kept = differences[np.abs(differences) <= _OUTLIER * scale]
+        before, scale = scale, float(np.sqrt(np.mean(kept**2))) / _KEPT_RMS
+        if abs(scale - before) <= 1e-3 * before:
+            break
+    return scale / _GAIN
+
+
+def quantisation(values: NDArray[Any]) -> float:
+    """Step q such that every value is a multiple of q apart from every other; 0 if there is none.
+
+    A channel counts as quantised only where its values recur: a grid on which every sample has a
+    level of its own cannot be told from the digits of the file.
+    """
+    scale = float(np.max(np.abs(values), initial=0.0))
+    if scale == 0.0:
+        return 0.0
+    levels = np.unique(np.round(values / scale, _DECIMALS)) * scale
+    if len(levels) < 3 or len(levels) > len(values) // 2:
+        return 0.0
+    steps = np.diff(levels)
+    step = float(np.min(steps))
+    multiples = steps / step
+    fits = np.abs(multiples - np.round(multiples)) < 1e-3 * np.maximum(1.0, multiples)
+    return step if fits.mean() > 0.99 else 0.0
+
+
+def clipped(values: NDArray[Any], noise: Noise) -> list[tuple[float, float, int]]:
+    """Ends at which a noisy channel is cut off: value, share of the samples, first sample.
+
+    A channel whose noise moves it by more than its quantisation never rests; one that rests at its
+    extreme, far more often than at the value next to it, is cut off there.
+    """
+    if noise.white_rms <= 2.0 * noise.quantisation:
+        return []
+    found = []
+    for end, inward in ((values.max(), -1.0), (values.min(), 1.0)):
+        at = values == end
+        if 10 <= at.sum() < len(values) and at.mean() > 0.01:
+            following = end + inward * np.min(np.abs(values[~at] - end))
+            if at.sum() > 3 * np.sum(values == following):
+                found.append((float(end), float(at.mean()), int(np.argmax(at))))
+    return found
+
+
+def frozen(values: NDArray[Any], noise: Noise) -> tuple[int, int]:
+    """First sample and length of the longest rest of a noisy channel; (0, 0) if none is odd."""
+    if noise.white_rms <= 2.0 * noise.quantisation:
+        return 0, 0
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
+    lengths = np.diff(edges)
+    longest = int(np.argmax(lengths))
+    odd = lengths[longest] >= _ODD_REST * max(1.0, float(np.median(lengths)))
+    return (int(edges[longest]), int(lengths[longest])) if odd else (0, 0)
+
+
+def _held(values: NDArray[Any]) -> int:
+    """Samples over which each value is repeated: n of a sample-and-hold, else 1."""
+    changes = np.flatnonzero(np.diff(values)) + 1
+    if len(changes) < _FEWEST:
+        return 1
+    spacing = np.diff(changes)
+    every = int(np.median(spacing))
+    regular = np.mean(spacing % every == 0) > 0.95 and np.mean(spacing == every) > 0.5
+    return every if every > 1 and regular else 1
+
+
+def _toggles(values: NDArray[Any]) -> bool:
+    """Whether a channel goes to and fro between levels, as noise does and an order does not."""
+    steps = np.sign(np.diff(values))
+    steps = steps[steps != 0.0]
+    return len(steps) >= _FEWEST and float(np.mean(steps[1:] != steps[:-1])) > 0.3

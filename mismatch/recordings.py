@@ -1,0 +1,161 @@
+"""Recordings for the diagnosis: read, carried onto canonical columns, checked, described."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..plant.recording import (
+    BOUNDS,
+    COLUMNS,
+    TIME,
+    RecordingError,
+    as_numbers,
+    check_bounds,
+    input_columns,
+    read_table,
+)
+from ..plant.ship import Ship
+from .checks import at_rest, dull, on_even_time, pitch_swapped, too_short
+from .columns import load_map
+from .noise import Noise, describe
+from .slips import SHAFT_SPEED, impossible_demands
+from .yardstick import Yardstick
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording that has passed the checks.
+
+    Attributes:
+        source: the file it came from.
+        table: canonical columns as floats, (n,) rows on an even time base.
+        interval_s: spacing of the rows [s].
+        noise: noise of each measured or ordered channel, in the channel's unit.
+        warnings: what was mended or looks odd; sentences for the reader.
+        limits: what the recording cannot show, each beginning with "too short" or "dull".
+    """
+
+    source: Path
+    table: pd.DataFrame
+    interval_s: float
+    noise: Mapping[str, Noise]
+    warnings: tuple[str, ...] = ()
+    limits: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.table)
+
+    def __contains__(self, column: object) -> bool:
+        """Whether a canonical column is present."""
+        return column in self.table
+
+    def __getitem__(self, column: str) -> NDArray[np.float64]:
+        """Values of a canonical column, (n,).
+
+        Raises:
+            KeyError: the recording does not have it.
+        """
+        return np.array(self.table[column], dtype=float)
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """Time of each row [s], (n,)."""
+        return self[TIME]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Canonical columns that are present, the time left out."""
+        return tuple(c for c in self.table if c != TIME)
+
+
+def load_recording(path: str | Path, ship: Ship, columns: str | Path | None = None) -> Recording:
+    """Read a recording and check it against the ship that made it.
+
+    Args:
+        path: CSV or Parquet file, one row a sample.
+        ship: the nominal ship; its end stops, and what it does under the recording's demands, tell
+            another unit, a turned sign and swapped names from real differences.
+        columns: TOML file that maps foreign names, units and signs (:mod:`.columns`); without it
+            the file has canonical names and units. Columns that are not canonical are left out.
+
+    Returns:
+        The recording on an even time base. A recording too short or too dull to decide anything is
+        no error; its ``limits`` say so.
+
+    Raises:
+        RecordingError: naming file, column, row (from 1 below the header), unit and what is
+            allowed. Unreadable; a column missing; values not finite or out of bounds; time that
+            does not rise, or with a gap of more than three samples; a channel that is dead, in
+            another unit, of the other sign or under another's name.
+    """
+    path = Path(path)
+    raw = read_table(path)
+    if columns is not None:
+        raw = load_map(columns).apply(path, raw)
+    required = list(dict.fromkeys([*input_columns(ship), SHAFT_SPEED]))
+    numbers = as_numbers(path, raw, required)[[c for c in COLUMNS if c in raw]]
+    table, warnings = on_even_time(path, numbers)
+    interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
+    _refuse_slips(path, table, interval, ship)
+    check_bounds(path, numbers)
+    noise = {c: describe(table[c].to_numpy(), interval) for c in table if c != TIME}
+    warnings += at_rest(table, ship, noise)
+    limits = (*too_short(table, interval, ship), *dull(table, ship, noise))
+    return Recording(path, table, float(interval), noise, tuple(warnings), limits)
+
+
+def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> None:
+    yardstick = Yardstick(ship, table, interval)
+    if dead := list(yardstick.dead()):
+        raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in dead))
+    pair = yardstick.swapped()
+    if pair is None and pitch_swapped(table, interval, ship):
+        pair = ("pitch_ratio_command", "pitch_ratio")
+    if pair is not None:
+        a, b = (f"{c} (median {table[c].median():.4g} {BOUNDS[c][2]})" for c in pair)
+        lag = set(pair) == {"pitch_ratio", "pitch_ratio_command"}
+        why = "the order follows" if lag else "exchanged, they come far nearer to this ship"
+        raise RecordingError(f"{path}: {a} and {b} look swapped: {why}")
+    said = list(impossible_demands(table, ship)) or list(yardstick.slips())
+    if said:
+        raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in said))
+
+
+def fetch(
+    name: str, base_url: str, checksums: str | Path, folder: str | Path | None = None
+) -> Path:
+    """Download one file of a public collection, once, and check it.
+
+    Args:
+        name: file name, as in the list of checksums.
+        base_url: address of the folder that holds the files (http or https).
+        checksums: text file, one ``name sha256:...`` or ``name <hex>`` a line; ``#`` begins a comment.
+        folder: where to keep the files; the user's cache folder by default.
+
+    Returns:
+        Path of the file; one that is there already with the right checksum is not fetched again.
+
+    Raises:
+        RecordingError: the name is not in the list, the address cannot be reached, or what came does
+            not have the checksum.
+    """
+    import pooch
+
+    store: Any = pooch.create(
+        path=folder or pooch.os_cache("shaftline"),
+        base_url=base_url if base_url.endswith("/") else f"{base_url}/",
+        retry_if_failed=1,
+    )
+    try:
+        store.load_registry(str(checksums))
+        return Path(store.fetch(name))
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"{name} from {base_url}: {error}") from None

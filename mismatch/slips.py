@@ -1,0 +1,138 @@
+"""Slips that a recording's columns are likely to have, and the demands that a ship can be given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..plant.recording import BOUNDS, drive_column
+from ..plant.ship import Ship
+from ..plant.ship_sections import DcMotor, Diesel
+
+Array = NDArray[np.float64]
+
+_BEYOND = 1.25  # share of a demand's end stop that no ship's demand exceeds
+_RPM = math.pi / 30.0
+SHAFT_SPEED = "shaft_speed_rad_s"
+
+
+class Slip(NamedTuple):
+    """A likely mistake: what the channel looks like, how it is read then, and how to say so."""
+
+    looks_like: str
+    factor: float
+    advice: str
+
+    def read(self, values: Array) -> Array:
+        """The channel's values in the canonical unit if this is the slip."""
+        if self.looks_like.startswith("a blade angle"):
+            return np.asarray(0.7 * math.pi * np.tan(np.radians(np.clip(values, -60.0, 60.0))))
+        return values * self.factor
+
+
+def _unit(name: str, factor: float) -> Slip:
+    return Slip(f"{name} (a factor {max(factor, 1.0 / factor):.4g})", factor, f'unit = "{name}"')
+
+
+def slips_of(column: str, ship: Ship) -> list[Slip]:
+    """Other units that a channel is likely to come in, each with either sign."""
+    gear = ship.transmission.gear_ratio
+    by_unit = {
+        "rad/s": [_unit("rpm", _RPM), _unit("rps", 2.0 * math.pi)],
+        "N m": [_unit("kN m", 1e3)],
+        "m/s": [_unit("knot", 1852.0 / 3600.0), _unit("km/h", 1.0 / 3.6)],
+        "N": [_unit("kN", 1e3), _unit("tf", 9806.65)],
+        "V": [_unit("mV", 1e-3), _unit("kV", 1e3)],
+        "A": [_unit("mA", 1e-3)],
+        "mm": [_unit("m", 1e3), _unit("cm", 10.0)],
+        "-": [Slip("a blade angle in degrees", 0.04, 'unit = "deg"'), _unit("percent", 0.01)],
+    }
+    found = list(by_unit.get(BOUNDS[column][2], []))
+    if column == "fuel_rack_mm":
+        share = ship.record()["drive_max"] / 100.0
+        found.append(Slip(f"a percentage of the {100 * share:g} mm stroke", share,
+                          f"scale = {share:g}"))  # fmt: skip
+    if column == SHAFT_SPEED and gear != 1.0:
+        found += [
+            Slip(f"the engine's speed (a factor {gear:.4g})", 1.0 / gear, f"scale = {1 / gear:.6g}"),
+            Slip(f"the engine's speed in rpm (a factor {gear / _RPM:.4g})", _RPM / gear,
+                 f'unit = "rpm", scale = {1 / gear:.6g}'),
+        ]  # fmt: skip
+    if column == "shaft_torque_N_m" and gear != 1.0:
+        found.append(Slip(f"the engine's torque (a factor {gear:.4g})", gear, f"scale = {gear:g}"))
+    turned = [Slip(f"{s.looks_like} with the sign turned", -s.factor, f"{s.advice}, sign = -1")
+              for s in found if not s.looks_like.startswith("a blade angle")]  # fmt: skip
+    return [*found, Slip("itself with the sign turned", -1.0, "sign = -1"), *turned]
+
+
+def demands(ship: Ship, table: pd.DataFrame) -> list[str]:
+    """Columns of a recording that are orders, not measurements."""
+    return [c for c in (drive_column(ship), "pitch_ratio_command") if c in table]
+
+
+def looks_like(column: str, slips: list[Slip], median: float, expected: str) -> str:
+    """A sentence that names the likely slips of a column, and what to say in the column map."""
+    return (
+        f"{column} looks like {' or '.join(s.looks_like for s in slips)}: median {median:.4g} where "
+        f"this ship {expected}; say {' or '.join(s.advice for s in slips)} in the column map"
+    )
+
+
+def top_speed(ship: Ship) -> float:
+    """Shaft speed [rad/s] that no state of the ship comes near."""
+    plant, gear = ship.record(), ship.transmission.gear_ratio
+    if isinstance(ship.prime_mover, Diesel):
+        return 3.0 * float(plant["engine_speed_max"]) / gear
+    if isinstance(ship.prime_mover, DcMotor):
+        return 3.0 * float(plant["drive_max"] / plant["motor_constant"]) / gear
+    return BOUNDS[SHAFT_SPEED][1]
+
+
+def range_of(column: str, ship: Ship) -> str:
+    """Range of a demand, or of the shaft's speed, in words."""
+    plant = ship.record()
+    if column == "pitch_ratio_command":
+        low, high = plant["pitch_ratio_min"], plant["pitch_ratio_max"]
+    elif column == SHAFT_SPEED:
+        top = top_speed(ship) / 3.0
+        slow = plant["engine_speed_min"] / plant["gear_ratio"]
+        low, high = (slow if isinstance(ship.prime_mover, Diesel) else -top), top
+    else:
+        low, high = plant["drive_min"], plant["drive_max"]
+    return f"{low:.3g} to {high:.3g} {BOUNDS[column][2]}"
+
+
+def impossible_demands(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
+    """Sentences on demands that this ship cannot be given."""
+    plant = ship.record()
+    for column in demands(ship, table):
+        values = table[column].to_numpy()
+        if column == "pitch_ratio_command":
+            high = max(abs(plant["pitch_ratio_min"]), abs(plant["pitch_ratio_max"])) + 0.3
+            low = min(0.0, plant["pitch_ratio_min"])
+        else:
+            high, low = _BEYOND * plant["drive_max"], plant["drive_min"]
+        if _possible(values, low, high):
+            continue
+        found = [s for s in slips_of(column, ship) if _possible(s.read(values), low, high, 0.1)]
+        takes = f"takes {range_of(column, ship)}"
+        if found:
+            yield looks_like(column, found[:1], float(np.median(values)), takes)
+        else:
+            row = int(np.argmax(np.abs(values) > high if (np.abs(values) > high).any()
+                                else values < low))  # fmt: skip
+            yield (
+                f"{column}, row {row + 1}: {values[row]:g} {BOUNDS[column][2]} where this ship "
+                f"{takes}; is it another ship, or another unit?"
+            )
+
+
+def _possible(values: Array, low: float, high: float, least: float = 0.0) -> bool:
+    """Whether nearly all of a demand lies within limits, and reaches a share of them."""
+    reach = float(np.percentile(np.abs(values), 95))
+    return least * high <= reach <= high and float(np.percentile(values, 95)) >= low

@@ -1,0 +1,169 @@
+"""The nominal ship as the yardstick of a recording's units, signs and names.
+
+It is sailed open loop with the recording's demands. A channel far from what the ship gives, but close
+once read in another unit, with the other sign or under another's name, is a slip. The tolerances leave
+room for real effects: a slip is named only where it explains the channel, and a channel that is merely
+off is left to the diagnosis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..plant.recording import BOUNDS, TIME, RecordingError, drive_column, simulate_recording
+from ..plant.ship import Ship
+from .slips import (
+    SHAFT_SPEED,
+    Slip,
+    demands,
+    impossible_demands,
+    looks_like,
+    range_of,
+    slips_of,
+    top_speed,
+)
+
+_STEPS = 200_000  # of integration; more of a recording is not needed to tell its units
+_HONEST = 0.3  # relative rms difference up to which no other unit is looked for
+_HONEST_PAIR = 0.1  # the same for swapped names, whose magnitudes may be alike
+_BELOW = 0.02  # difference below which nothing better is asked for
+_NAMED = 0.5  # difference above which a slip explains nothing
+_BETTER = 0.5  # a slip must reduce the difference to this share
+_RETOLD = 2.0  # |ln factor| from which no effect looks like a demand in another unit
+
+
+class Yardstick:
+    """The nominal ship, driven by a recording's demands, beside what was recorded."""
+
+    def __init__(self, ship: Ship, table: pd.DataFrame, interval_s: float) -> None:
+        per_row = max(1, math.ceil(interval_s / ship.time_step_s - 1e-9))
+        self.ship = ship
+        self._drive = drive_column(ship)
+        # a start beyond these is no state of this ship: it then starts from a steady one
+        self._reach = {"pitch_ratio": 2.6, "ship_speed_m_s": 40.0, SHAFT_SPEED: top_speed(ship)}
+        self.table = table.iloc[: max(2, _STEPS // per_row)]
+        self.sailed = self._sail(self.table)
+        self.off = self._differences(self.table, self.sailed)
+
+    def _sail(self, table: pd.DataFrame) -> pd.DataFrame | None:
+        """From the first row's state, or where that is none, from a steady one."""
+        steady = table.drop(columns=[c for c in self._reach if c in table])
+        start = table.iloc[0]
+        sane = all(abs(start[c]) <= limit for c, limit in self._reach.items() if c in table)
+        for candidate in (table, steady) if sane else (steady,):
+            with np.errstate(all="ignore"), suppress(RecordingError):
+                sailed = simulate_recording(self.ship, candidate)
+                if np.isfinite(sailed.to_numpy()).all():
+                    return sailed
+        return None
+
+    def _differences(self, table: pd.DataFrame, sailed: pd.DataFrame | None) -> dict[str, float]:
+        """Relative rms difference of each measured channel; empty where the ship cannot sail."""
+        if sailed is None:
+            return {}
+        measured = [
+            c for c in sailed if c in table and c != TIME and c not in demands(self.ship, table)
+        ]
+        found = {}
+        for c in measured:
+            size = float(np.sqrt(np.mean(sailed[c] ** 2)))
+            if size > 0.0:
+                found[c] = float(np.sqrt(np.mean((table[c] - sailed[c]) ** 2))) / size
+        return found
+
+    def with_columns(self, columns: Mapping[str, Any]) -> dict[str, float]:
+        """Differences if some columns were read otherwise; the ship starts and sails anew."""
+        table = self.table.assign(**columns)
+        return self._differences(table, self._sail(table))
+
+    def swapped(self) -> tuple[str, str] | None:
+        """The two columns that fit far better under each other's names, if any."""
+        if self.off and all(off <= _HONEST_PAIR for off in self.off.values()):
+            return None
+        best, pair = self._score(self.off) + math.log(_BETTER), None
+        for slip in self._other_magnitudes():
+            values = slip.read(self.table[self._drive].to_numpy())
+            best = min(best, self._score(self.with_columns({self._drive: values})))
+        for a, b in combinations([c for c in self.table if c != TIME], 2):
+            if {a, b} == {"pitch_ratio", "pitch_ratio_command"}:
+                continue  # told by its lag
+            exchanged = {a: self.table[b], b: self.table[a]}
+            if any(impossible_demands(self.table.assign(**exchanged), self.ship)):
+                continue
+            there = self.with_columns(exchanged)
+            if all(there.get(c, 0.0) <= _NAMED for c in (a, b, SHAFT_SPEED)):
+                score = self._score(there)
+                if score < best:
+                    best, pair = score, (a, b)
+        return pair
+
+    def _score(self, off: Mapping[str, float]) -> float:
+        """Mean logarithm of the differences; the less, the nearer."""
+        if not off:
+            return math.inf
+        return float(np.mean([math.log(max(difference, _BELOW)) for difference in off.values()]))
+
+    def _other_magnitudes(self) -> list[Slip]:
+        """Slips of the drive's demand that change it by more than an effect could."""
+        return [
+            s for s in slips_of(self._drive, self.ship) if abs(math.log(abs(s.factor))) > _RETOLD
+        ]
+
+    def slips(self) -> Iterator[str]:
+        """Sentences on channels in another unit or with the other sign."""
+        if self.off.get(SHAFT_SPEED, math.inf) > _HONEST:
+            found = self._explaining(self._drive, SHAFT_SPEED, self._other_magnitudes())
+            if found:
+                yield self._sentence(self._drive, found)
+                return
+        for column, off in self.off.items():
+            if off > _HONEST and (
+                found := self._explaining(column, column, slips_of(column, self.ship))
+            ):
+                yield self._sentence(column, found)
+
+    def _explaining(self, column: str, judged: str, slips: list[Slip]) -> list[Slip]:
+        """Slips of a column that bring the judged one near to the ship; the nearest two."""
+        values = self.table[column].to_numpy()
+        found = []
+        for slip in slips:
+            read = {column: slip.read(values)}
+            if column == self._drive and any(
+                impossible_demands(self.table.assign(**read), self.ship)
+            ):
+                continue
+            there = self.with_columns(read).get(judged, math.inf)
+            size = abs(math.log(abs(slip.factor))) or math.inf
+            if there < min(_BETTER * self.off.get(judged, math.inf), _HONEST * size, _NAMED):
+                found.append((there, slip))
+        return [slip for _, slip in sorted(found, key=lambda pair: pair[0])[:2]]
+
+    def _sentence(self, column: str, slips: list[Slip]) -> str:
+        found, unit = float(self.table[column].median()), BOUNDS[column][2]
+        expected = f"takes {range_of(column, self.ship)}"
+        if self.sailed is not None and column in self.off:
+            reached = float(self.sailed[column].median())
+            expected = f"reaches {reached:.4g} {unit} with these demands"
+            if column == SHAFT_SPEED:
+                expected += f" (its range: {range_of(column, self.ship)})"
+        return looks_like(column, slips, found, expected)
+
+    def dead(self) -> Iterator[str]:
+        """Sentences on measured channels that never move although the ship must."""
+        for column in self.off:
+            values, sailed = self.table[column].to_numpy(), self.sailed
+            assert sailed is not None
+            moves = float(np.ptp(sailed[column]))
+            if np.ptp(values) == 0.0 and moves > 0.05 * float(np.max(np.abs(sailed[column]))):
+                yield (
+                    f"{column} is constant at {values[0]:g} {BOUNDS[column][2]} in every row, where "
+                    f"this ship moves over {moves:.3g} {BOUNDS[column][2]} with these demands: a "
+                    "dead sensor or a stopped logger; leave the column out or mend it"
+                )
