@@ -123,12 +123,13 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
 
     The demands are held between rows. The simulation starts from the first row's pitch ratio, shaft
     speed and ship speed where the recording has all three, else from the steady state at the first
-    row's demands. Where the recording has ``propeller_submergence_m`` or ``inflow_velocity_m_s`` (the
-    measured advance velocity), these act, linear between rows, on top of ``sea``.
+    row's demands.
 
     Args:
         ship: the ship.
-        recording: from :func:`read_recording`.
+        recording: from :func:`read_recording`. Its ``propeller_submergence_m`` and
+            ``inflow_velocity_m_s`` (measured advance velocity) act where it has them, linear
+            between rows, on top of ``sea``.
         sea: SEA record from :func:`shaftline.plant.realise`, or None for calm water.
 
     Returns:
