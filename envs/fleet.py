@@ -18,7 +18,7 @@ from ..plant import Sea, Ship, equilibrium, get_sea, load_ship, realise
 from ..plant.dynamics import MEMORY, STATE
 from ..plant.ship import PLANT
 from ..plant.ship_sections import Diesel
-from ..plant.simulation import prepare
+from ..plant.simulation import Disturbance, prepare
 from ..plant.waves import SEA
 from .kernel import (
     EPISODE,
@@ -234,11 +234,10 @@ class Fleet:
         episode["integral"] = rack  # the governor takes over without a bump
         self.states[i] = (pitch, shaft, speed, 0.0, 0.0, 0.0, 0.0, 0.0)
         self.estimates[i] = np.zeros(1, ESTIMATE)[0]
-        resistance = float(episode["resistance_mean"])
+        begin = Disturbance(0.0, 0.0, float(episode["resistance_mean"]))
         prepare(
-            self.plants[i], self.states[i], self.memories[i], self.seas[i], rack, 0.0, resistance,
-            self.dt,
-        )  # fmt: skip
+            self.plants[i], self.states[i], self.memories[i], self.seas[i], rack, begin, self.dt
+        )
 
     def observe(self, which: NDArray[np.int64]) -> None:
         """Fill the observations of environments that were just reset."""

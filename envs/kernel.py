@@ -20,7 +20,7 @@ from ..plant.cavitation import burrill_ratio
 from ..plant.compiled import Record, compiled
 from ..plant.fuel import fuel_rate
 from ..plant.prime_mover import rack_torque, torque_limit
-from ..plant.simulation import observe, step
+from ..plant.simulation import Disturbance, observe, step
 from .randomness import normal
 from .tasks import TERMS
 
@@ -82,10 +82,11 @@ def speed_order(episode: Record, time: float) -> float:
 
 
 @compiled
-def resistance_factor(episode: Record, time: float) -> float:
-    """d_c1 [-] at a time since reset [s]: the episode's mean and a slow swing."""
+def disturbance(episode: Record, time: float) -> Disturbance:
+    """Disturbance at a time since reset [s]: resistance with the episode's mean and a slow swing."""
     angle = episode.resistance_frequency * time + episode.resistance_phase
-    return float(episode.resistance_mean + episode.resistance_swing * math.sin(angle))
+    factor = episode.resistance_mean + episode.resistance_swing * math.sin(angle)
+    return Disturbance(0.0, 0.0, factor)
 
 
 @compiled
@@ -137,8 +138,8 @@ def first_observation(
     """Observations of environments that were just reset; rows of ``observation`` by ``which``."""
     for i in which:
         outputs = observe(
-            plants[i], states[i], memories[i], seas[i], episodes[i].pitch_command, 0.0,
-            resistance_factor(episodes[i], 0.0), dt,
+            plants[i], states[i], memories[i], seas[i], episodes[i].pitch_command,
+            disturbance(episodes[i], 0.0), dt,
         )  # fmt: skip
         episodes[i].gauge_torque = outputs.shaft_torque
         _measure(
@@ -241,13 +242,8 @@ def control_interval(
             shaft_speed, log = state.shaft_speed, memory.speed_log
             ship_speed = state.ship_speed
             outputs = step(
-                plant, state, memory, seas[i], drive, pitch, (0.0, 0.0, 0.0),
-                (
-                    resistance_factor(episode, time),
-                    resistance_factor(episode, time + 0.5 * dt),
-                    resistance_factor(episode, time + dt),
-                ),
-                dt,
+                plant, state, memory, seas[i], drive, pitch, disturbance(episode, time),
+                disturbance(episode, time + 0.5 * dt), disturbance(episode, time + dt), dt,
             )  # fmt: skip
             engine_speed = plant.gear_ratio * shaft_speed
             fuel = plant.propellers * fuel_rate(plant, engine_speed, outputs.brake_torque)

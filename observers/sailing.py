@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant.compiled import compiled
-from ..plant.simulation import step
+from ..plant.simulation import UNDISTURBED, step
 from .base import Measurement
 from .catalogue import update
 
@@ -51,8 +51,9 @@ def sail(
                 seas[i],
                 drive[i],
                 pitch_command[i],
-                (0.0, 0.0, 0.0),
-                (1.0, 1.0, 1.0),
+                UNDISTURBED,
+                UNDISTURBED,
+                UNDISTURBED,
                 dt,
             )
             reading = Measurement(

@@ -1,7 +1,7 @@
 """The physics: propeller, engine, shaft, hull, actuators, waves, and their integration in time."""
 
 from .linear import linearise
-from .ship import Ship, ShipError, load_ship, ship_names
+from .ship import Ship, ShipError, load_ship, ship_names, write_ship
 from .simulation import Schedule, simulate
 from .steady_state import Equilibrium, equilibrium
 from .waves import Sea, get_sea, realise
@@ -19,4 +19,5 @@ __all__ = [
     "realise",
     "ship_names",
     "simulate",
+    "write_ship",
 ]

@@ -17,13 +17,16 @@ from .hull import resistance, wake_inflow, water_speed
 from .prime_mover import (
     DC_MOTOR,
     DIESEL,
+    applied_voltage,
     diesel_torque,
     motor_current_rate,
+    motor_torque,
     steady_motor_current,
 )
 from .propeller import propeller_load
-from .shaft import friction_torque, gauge_torque, shaft_inertia
+from .shaft import friction_torque, gauge_torque, quadratic_drag, shaft_inertia
 from .ship import HISTORY
+from .unexplained import ENGINE, HULL, PITCH_ACTUATOR, PROPELLER, unexplained
 from .ventilation import can_ventilate, ventilation_rate, ventilation_state
 
 
@@ -50,6 +53,7 @@ class Inputs(NamedTuple):
     inflow_position: float  # where ``inflow`` holds [m]
     elevation: Real  # of the surface above the propeller [m]
     resistance_factor: Real  # d_c1 [-]
+    time: Real  # since the start [s]
 
 
 class Outputs(NamedTuple):
@@ -128,12 +132,13 @@ def evaluate(
             torque_rate = (brake - state.brake_torque) / plant.engine_lag
             brake = state.brake_torque
     elif plant.prime_mover == DC_MOTOR:
+        voltage = applied_voltage(plant, inputs.drive)
         if plant.armature_inductance > 0.0:
             current = state.motor_current
-            current_rate = motor_current_rate(plant, inputs.drive, engine_speed, current)
+            current_rate = motor_current_rate(plant, voltage, engine_speed, current)
         else:
-            current = steady_motor_current(plant, inputs.drive, engine_speed)
-        brake = plant.motor_constant * current
+            current = steady_motor_current(plant, voltage, engine_speed)
+        brake = motor_torque(plant, current)
     else:
         brake = inputs.drive
 
@@ -145,22 +150,38 @@ def evaluate(
     load_torque = propeller_torque + friction_torque(
         plant.coulomb_propeller_side, plant.viscous_propeller_side, state.shaft_speed
     )
+    load_torque = load_torque + quadratic_drag(plant, state.shaft_speed)
+    lacking = 0.0
+    if plant.unexplained_balance != 0:
+        lacking = unexplained(
+            plant, state.shaft_speed, state.ship_speed, blade, inputs.drive, inputs.time
+        )
+        if plant.unexplained_balance == ENGINE:
+            drive_torque = drive_torque + lacking
+        elif plant.unexplained_balance == PROPELLER:
+            load_torque = load_torque - lacking
     acceleration = (drive_torque - load_torque) * (1.0 / shaft_inertia(plant))  # eq. 2-1
     torque_at_gauge = gauge_torque(plant, drive_torque, acceleration)
 
     # hull
     drag = resistance(plant, speed, inputs.resistance_factor)
     push = plant.propellers * (1.0 - plant.thrust_deduction) * load.thrust  # eq. 2-6
+    if plant.unexplained_balance == HULL:
+        push = push + lacking
     ship_acceleration = (push - drag) * (1.0 / plant.mass)  # eq. 2-2
     if plant.hull_fixed != 0:
         ship_acceleration = 0.0
+
+    blade_rate = pitch_rate(plant, inputs.pitch_command, state.pitch_ratio)
+    if plant.unexplained_balance == PITCH_ACTUATOR:
+        blade_rate = blade_rate + lacking
 
     air_rate = 0.0
     if can_ventilate(plant):
         air_rate = ventilation_rate(plant, state.ventilation, ventilated)
     return (
         State(
-            pitch_rate(plant, inputs.pitch_command, state.pitch_ratio),
+            blade_rate,
             acceleration,
             ship_acceleration,
             state.ship_speed,

@@ -26,6 +26,19 @@ def resistance(plant: Record, speed_through_water: Real, resistance_factor: Real
 
 
 @compiled
+def episode_factor(plant: Record, time: float, dt: float) -> float:
+    """Factor [-] on the resistance over the step from ``time`` to ``time + dt`` [s].
+
+    1 + ``episode_resistance`` inside the window, 1 outside it; a step that an edge of the window cuts
+    has the mean of both, held over the step. So a voyage depends continuously on the window's edges.
+    """
+    if plant.episode_resistance == 0.0:
+        return 1.0
+    inside = min(time + dt, plant.episode_end) - max(time, plant.episode_start)
+    return float(1.0 + plant.episode_resistance * max(inside, 0.0) / dt)
+
+
+@compiled
 def wake_inflow(plant: Record, speed_through_water: Real) -> Real:
     """Advance velocity (1 - w) v [m/s] without disturbances (thesis eq. 2-8).
 

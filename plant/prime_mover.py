@@ -61,6 +61,32 @@ def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 
 @compiled
+def applied_voltage(plant: Record, demand: Real) -> Real:
+    """Voltage [V] at the armature for a demand [V] inside the end stops.
+
+    Demands within ``command_dead_zone`` give none and short the armature; beyond it the dead zone is
+    taken off. The supply gives no more than ``supply_limit``.
+    """
+    voltage = demand
+    if plant.command_dead_zone > 0.0:
+        voltage = demand - clip(demand, -plant.command_dead_zone, plant.command_dead_zone)
+    return clip(voltage, -plant.supply_limit, plant.supply_limit)
+
+
+@compiled
+def motor_torque(plant: Record, current: Real) -> Real:
+    """Torque [N m] of the motor: K_e i, and ``reverse_torque_fraction`` of it where i drives astern.
+
+    By the sign of the current the torque has no jump; in steady running that is also the sign of
+    rotation and demand. The back-EMF stays K_e omega, so a fraction below 1 is a loss.
+    """
+    torque = plant.motor_constant * current
+    if current.real < 0.0:
+        torque = torque * plant.reverse_torque_fraction
+    return torque
+
+
+@compiled
 def motor_current_rate(plant: Record, voltage: Real, motor_speed: Real, current: Real) -> Real:
     """Di/dt [A/s] of the armature (Vrijdag & Martelli 2021, eq. 1)."""
     return (

@@ -218,11 +218,14 @@ def propeller_load(
         submergence: depth of the propeller's centre below the surface [m].
         ventilation: degree of ventilation, 0 (none) to 1 (full).
 
+    The polynomials know ahead rotation only; astern their coefficients act with n |n|, so thrust and
+    torque turn round with the shaft (four quadrants have curves of their own).
+
     Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D:
     Delta KT = -0.3 (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.
     """
     n = shaft_speed * _REVOLUTIONS_PER_RADIAN
-    n2 = n * n
+    n2 = n * n if n.real >= 0.0 else -n * n
     if plant.propeller_model == FOUR_QUADRANT:
         kt_n2, kq_n2 = four_quadrant_coefficients(
             plant.four_quadrant,
@@ -243,7 +246,7 @@ def propeller_load(
         drag = plant.propeller_roughness * plant.blade_solidity * n2
         kt_n2 = kt_n2 - 0.3 * pitch_ratio * drag
         kq_n2 = kq_n2 + 0.25 * drag
-    deep_kt = kt_n2 / (n2 + _MIN_REVOLUTIONS * _MIN_REVOLUTIONS)
+    deep_kt = kt_n2 / (n * n + _MIN_REVOLUTIONS * _MIN_REVOLUTIONS)
     if plant.cavitation_breakdown > 0.0:
         loss = cavitation_loss(plant, n, submergence)
         kt_n2 = kt_n2 * (1.0 - loss)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from .dynamics import State
+from .hull import wake_inflow, water_speed
 from .ship import Ship
 from .ship_sections import DcMotor, TorqueSource
 from .signals import SIGNALS
@@ -169,7 +171,9 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
 
     Args:
         ship: the ship.
-        recording: from :func:`read_recording`.
+        recording: from :func:`read_recording`. Its ``propeller_submergence_m`` and
+            ``inflow_velocity_m_s`` (measured advance velocity) act where it has them, linear
+            between rows, on top of ``sea``.
         sea: SEA record from :func:`shaftline.plant.realise`, or None for calm water.
 
     Returns:
@@ -177,7 +181,8 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
         Thrust and motor current are there where the recording has them.
 
     Raises:
-        RecordingError: the ship has no steady state at the first row's demands.
+        RecordingError: the ship has no steady state at the first row's demands, or a measured
+            inflow at a hull that moves has no ship speed beside it.
     """
     time = recording[TIME].to_numpy()
     period = float(np.median(np.diff(time)))
@@ -189,15 +194,31 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
         else np.full(len(time), ship.propeller.pitch_ratio_max)
     )
     rows = len(time) - 1
+    plant, even = ship.record(), period * np.arange(len(time))
+    initial = _initial_state(ship, recording, float(drive[0]), float(pitch[0]))
+    schedule = Schedule(np.repeat(drive[:-1], per_row), np.repeat(pitch[:-1], per_row))
+    if "propeller_submergence_m" in recording:
+        elevation = recording["propeller_submergence_m"].to_numpy() - float(plant["depth"])
+        schedule = replace(schedule, elevation=lambda t: np.interp(t, even, elevation))
+    if "inflow_velocity_m_s" in recording:
+        met = recording["inflow_velocity_m_s"].to_numpy()
+        if not ship.hull.fixed and "ship_speed_m_s" not in recording:
+            raise RecordingError("inflow_velocity_m_s asks for ship_speed_m_s beside it")
+        speed = 0.0 * met if ship.hull.fixed else recording["ship_speed_m_s"].to_numpy()
+        inflow = met - np.array([wake_inflow(plant, water_speed(plant, v)) for v in speed])
+        schedule = replace(schedule, inflow=lambda t: np.interp(t, even, inflow))
+        if plant["inflow_lag"] > 0.0:
+            initial = initial._replace(inflow=float(met[0]))
     samples = simulate(
         ship,
-        Schedule(np.repeat(drive[:-1], per_row), np.repeat(pitch[:-1], per_row)),
+        schedule,
         rows * period,
-        initial=_initial_state(ship, recording, float(drive[0]), float(pitch[0])),
+        initial=initial,
         sea=sea,
         dt=period / per_row,
     )[::per_row]
-    columns: dict[str, Any] = {c: recording[c] for c in input_columns(ship)}
+    given = [*input_columns(ship), "propeller_submergence_m", "inflow_velocity_m_s"]
+    columns: dict[str, Any] = {c: recording[c] for c in given if c in recording}
     columns |= {c: samples[name] for c, name in _MEASURED.items()}
     columns |= {c: samples[name] for c, name in _OPTIONAL.items() if c in recording}
     return pd.DataFrame(columns)

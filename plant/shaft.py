@@ -31,6 +31,15 @@ def friction_torque(coulomb: float, viscous: float, shaft_speed: Real) -> Real:
 
 
 @compiled
+def quadratic_drag(plant: Record, shaft_speed: Real) -> Real:
+    """Torque c omega |omega| [N m] that opposes the rotation behind the gauge."""
+    if plant.quadratic_drag == 0.0:
+        return 0.0
+    sign = 1.0 if shaft_speed.real >= 0.0 else -1.0
+    return sign * plant.quadratic_drag * shaft_speed * shaft_speed
+
+
+@compiled
 def shaft_inertia(plant: Record) -> float:
     """Inertia I [kg m2] of the whole line at the propeller shaft, entrained water included."""
     rotating = plant.inertia_engine_side + plant.inertia_propeller_side

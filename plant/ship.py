@@ -10,24 +10,30 @@ from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import numpy as np
+import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
 
-from . import four_quadrant, prime_mover, propeller
+from . import four_quadrant, prime_mover, propeller, unexplained
+from .files import write_text
 from .ship_sections import (
     INF,
     DcMotor,
     Diesel,
     Hull,
     Integration,
+    KeyInfo,
     PitchActuator,
     Propeller,
     Section,
     Sensors,
     TorqueSource,
     Transmission,
+    Unexplained,
     Ventilation,
     Water,
     allowed_range,
+    info_of,
     record_field,
     unit_of,
 )
@@ -58,6 +64,7 @@ class Ship(Section):
     pitch_actuator: PitchActuator = PitchActuator()
     sensors: Sensors = Sensors()
     integration: Integration = Integration()
+    unexplained: Unexplained | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Ship:
@@ -72,6 +79,12 @@ class Ship(Section):
                     f"{key} = {delay} s is more than {longest:.4g} s, "
                     f"the longest delay at a time step of {step} s"
                 )
+        lacking = self.unexplained.balance if self.unexplained else ""
+        if lacking == "hull" and self.hull.fixed:
+            raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
+        screw = self.propeller
+        if lacking == "pitch-actuator" and screw.pitch_ratio_min == screw.pitch_ratio_max:
+            raise ValueError("unexplained.balance = 'pitch-actuator' asks for a variable pitch")
         motor = self.prime_mover
         if isinstance(motor, DcMotor) and motor.armature_inductance_H > 0.0:
             constant = motor.armature_inductance_H / motor.armature_resistance_ohm
@@ -155,7 +168,47 @@ def _record(ship: Ship) -> Any:
         record["prime_mover"] = prime_mover.DC_MOTOR if is_motor else prime_mover.TORQUE
         record["drive_min"] = -record["drive_max"]
         record["rack_rate_limit"] = INF
+    lacking = ship.unexplained
+    if lacking is not None:
+        record["unexplained_balance"] = 1 + unexplained.BALANCES.index(lacking.balance)
+        record["unexplained_signal"] = unexplained.FOLLOWED.index(lacking.signal)
+        record["unexplained_count"] = len(lacking.knots)
+        record["unexplained_knots"][: len(lacking.knots)] = lacking.knots
+        record["unexplained_values"][: len(lacking.values)] = lacking.values
     return record
+
+
+def _number_of(dotted: str, ship: Ship) -> FieldInfo:
+    """The number behind a dotted key of this ship, whose prime mover decides about its keys."""
+    section, _, key = dotted.partition(".")
+    table = getattr(ship, section, None) if section in type(ship).model_fields else None
+    fields = type(table).model_fields if isinstance(table, BaseModel) else {}
+    if key not in fields:
+        raise ShipError(f"{ship.name}: {dotted} is not a known key")
+    if record_field(fields[key]) is None:
+        raise ShipError(f"{ship.name}: {dotted} has no field of its own in the kernels' record")
+    return fields[key]
+
+
+def record_name(dotted: str, ship: Ship) -> str:
+    """Field of the ship's record that a dotted key sets.
+
+    Writing ``record[record_name(key, ship)] = value`` is what ``with_values`` does, without its
+    checks; only a motor's end stop also sets ``drive_min``, to its negative.
+
+    Raises:
+        ShipError: unknown key, or one that is not a single number of the record.
+    """
+    return str(record_field(_number_of(dotted, ship)))
+
+
+def key_info(dotted: str, ship: Ship) -> KeyInfo:
+    """Unit, range and neutral value of a dotted key.
+
+    Raises:
+        ShipError: unknown key, or one that is not a single number of the record.
+    """
+    return info_of(_number_of(dotted, ship))
 
 
 def _section_types() -> list[type[BaseModel]]:
@@ -184,11 +237,21 @@ def _plant_dtype() -> np.dtype[Any]:
         "engine_speed_min",
         "engine_speed_max",
     ]
+    codes = (
+        "propeller_model",
+        "prime_mover",
+        "hull_fixed",
+        "unexplained_balance",
+        "unexplained_signal",
+        "unexplained_count",
+    )
     nodes = len(four_quadrant.PITCH_NODES)
     return np.dtype(
         [(name, np.float64) for name in (*names, *derived)]
-        + [(name, np.int64) for name in ("propeller_model", "prime_mover", "hull_fixed")]
+        + [(name, np.int64) for name in codes]
         + [
+            ("unexplained_knots", np.float64, (unexplained.MAX_KNOTS,)),
+            ("unexplained_values", np.float64, (unexplained.MAX_KNOTS,)),
             ("kt", np.float64, propeller.CURVE_SHAPE),
             ("kq", np.float64, propeller.CURVE_SHAPE),
             ("four_quadrant_pitch", np.float64, (nodes,)),
@@ -257,12 +320,35 @@ def _validated(tree: dict[str, Any], source: str) -> Ship:
         raise ShipError("\n".join(lines)) from None
 
 
+def write_ship(ship: Ship, path: Path) -> Path:
+    """Write a ship as a TOML file that :func:`load_ship` reads back to an equal ship.
+
+    Keys that were left out stay out; the comments of a file that it came from are lost.
+
+    Args:
+        ship: the ship.
+        path: ending in ``.toml``; its folder is made where needed.
+
+    Returns:
+        The same path.
+
+    Raises:
+        ValueError: the path does not end in ``.toml``.
+        OSError: the file cannot be written.
+    """
+    if path.suffix != ".toml":
+        raise ValueError(f"{path}: a ship's file ends in .toml")
+    write_text(path, tomli_w.dumps(ship.model_dump(exclude_unset=True, exclude_none=True)))
+    return path
+
+
 def ship_keys() -> list[tuple[str, str, str, str, str]]:
     """Every key of a ship file: dotted name, unit, allowed range, default, description."""
     rows = []
     for section, info in Ship.model_fields.items():
-        options = _kinds(info.annotation)
-        for kind in (k for k in options if isinstance(k, type) and issubclass(k, BaseModel)):
+        kinds = _kinds(info.annotation)
+        options = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
+        for kind in options:
             for key, field in kind.model_fields.items():
                 label = f"{section}.{key}"
                 if len(options) > 1 and key != "type":

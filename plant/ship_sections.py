@@ -7,10 +7,12 @@ effect that a ship may or may not have, and the name of its field in the kernels
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
+
+from .unexplained import MAX_KNOTS
 
 INF = math.inf
 
@@ -26,7 +28,9 @@ def _effect(
     neutral: float, description: str, unit: str = "-", *, record: str, **limits: Any
 ) -> Any:
     """A number whose ``neutral`` value means that the effect is absent."""
-    return _number(description, unit, record=record, default=neutral, **limits)
+    field = _number(description, unit, record=record, default=neutral, **limits)
+    field.json_schema_extra["effect"] = True
+    return field
 
 
 def _coefficient(term: str, neutral: float, *, record: str) -> Any:
@@ -81,9 +85,19 @@ class Hull(Section):
         "speed at which the wake fraction is w", "m/s", record="wake_reference_speed",
         ge=0, le=40, default=0.0,
     )  # fmt: skip
+    episode_resistance_fraction: float = _effect(
+        0.0, "added share of the resistance during an episode", record="episode_resistance",
+        ge=-0.9, le=10,
+    )  # fmt: skip
+    episode_start_s: float = _number(
+        "its start, from the simulation's", "s", record="episode_start", ge=0, default=0.0
+    )
+    episode_end_s: float = _number("its end", "s", record="episode_end", ge=0, default=INF)
 
     @model_validator(mode="after")
     def _complete(self) -> Hull:
+        if self.episode_end_s < self.episode_start_s:
+            raise ValueError("episode_end_s must not be before episode_start_s")
         if not self.fixed:
             keys = ("mass_kg", "resistance_coefficient_N_s2_m2")
             _require(self, keys, "unless hull.fixed is true")
@@ -264,7 +278,21 @@ class DcMotor(Section):
         "L_a; 0 leaves the current without dynamics", "H", record="armature_inductance",
         ge=0, le=100, default=0.0,
     )  # fmt: skip
-    voltage_max_V: float = _number("supply limit", "V", record="drive_max", gt=0, le=1e5)
+    voltage_max_V: float = _number(
+        "end stop of the demand, either way", "V", record="drive_max", gt=0, le=1e5
+    )
+    command_dead_zone_V: float = _effect(
+        0.0, "demand that gives nothing (half width); taken off beyond it", "V",
+        record="command_dead_zone", ge=0, le=1e5,
+    )  # fmt: skip
+    reverse_torque_fraction: float = _effect(
+        1.0, "torque constant at negative current / at positive", record="reverse_torque_fraction",
+        gt=0, le=2,
+    )  # fmt: skip
+    supply_limit_V: float = _effect(
+        INF, "highest voltage that reaches the armature, either way", "V", record="supply_limit",
+        gt=0,
+    )  # fmt: skip
 
 
 class TorqueSource(Section):
@@ -299,6 +327,10 @@ class Transmission(Section):
     )  # fmt: skip
     viscous_friction_propeller_side_N_m_s_rad: float = _effect(
         0.0, "viscous friction behind the gauge", "N m s/rad", record="viscous_propeller_side",
+        ge=0, le=1e7,
+    )  # fmt: skip
+    quadratic_drag_N_m_s2_rad2: float = _effect(
+        0.0, "c omega |omega| behind the gauge", "N m s2/rad2", record="quadratic_drag",
         ge=0, le=1e7,
     )  # fmt: skip
 
@@ -347,6 +379,63 @@ class Integration(Section):
     """Fixed-step integration."""
 
     time_step_s: float = _number("RK4 step", "s", record="time_step", gt=0, le=0.5, default=0.05)
+
+
+_Knot = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+
+def _knots(description: str) -> Any:
+    return Field(description=description, min_length=2, max_length=MAX_KNOTS, strict=False)
+
+
+class Unexplained(Section):
+    """A torque, force or rate of unknown origin, as a function of one signal."""
+
+    balance: Literal["engine", "propeller", "hull", "pitch-actuator"] = Field(
+        description="where it is added: drive torque (of a motor too), propeller torque, force on "
+        "the ship, rate of P/D; positive drives ahead or raises"
+    )
+    signal: Literal["shaft_speed", "ship_speed", "pitch_ratio", "drive", "time"] = Field(
+        description="what it follows; drive is what reaches the prime mover"
+    )
+    knots: tuple[_Knot, ...] = _knots(
+        "rising values of the signal [SI; fuel rack in mm], 2 to 12 of them"
+    )
+    values: tuple[_Knot, ...] = _knots(
+        "one for each knot [N m | N | 1/s]; linear between, held outside"
+    )
+
+    @model_validator(mode="after")
+    def _matched(self) -> Unexplained:
+        if len(self.knots) != len(self.values):
+            raise ValueError(
+                f"knots and values must be as many; they are {len(self.knots)} and "
+                f"{len(self.values)}"
+            )
+        if any(b <= a for a, b in zip(self.knots, self.knots[1:], strict=False)):
+            raise ValueError("knots must rise")
+        return self
+
+
+class KeyInfo(NamedTuple):
+    """Unit and range of a ship's number; ``neutral`` is None where it describes no effect."""
+
+    unit: str
+    low: float
+    high: float
+    neutral: float | None
+
+
+def info_of(info: FieldInfo) -> KeyInfo:
+    """Unit, range and neutral value of a number; a bound may itself be excluded (> or <)."""
+    low, high = -INF, INF
+    for limit in info.metadata:
+        low = max(low, getattr(limit, "ge", -INF), getattr(limit, "gt", -INF))
+        high = min(high, getattr(limit, "le", INF), getattr(limit, "lt", INF))
+    extra = info.json_schema_extra
+    effect = isinstance(extra, dict) and "effect" in extra
+    neutral = float(info.default) if effect else None
+    return KeyInfo(unit_of(info), float(low), float(high), neutral)
 
 
 def allowed_range(info: FieldInfo) -> str:

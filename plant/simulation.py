@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,23 +28,41 @@ from .dynamics import (
     set_state,
     settle,
 )
+from .hull import episode_factor
 from .ship import Ship
 from .signals import SAMPLE
 from .waves import SYNC_STEPS, WaveMotion, calm, motion, synchronise, turn
 
 
+class Disturbance(NamedTuple):
+    """What acts on the ship at one instant besides its commands and its sea."""
+
+    inflow: float  # u_x [m/s]
+    elevation: float  # of the surface above the propeller [m]
+    resistance_factor: float  # d_c1 [-]
+
+
+UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
+
+
 @compiled
 def _inputs(
-    drive: float, pitch_command: float, inflow: float, resistance_factor: float, wave: WaveMotion
+    drive: float,
+    pitch_command: float,
+    disturbance: Disturbance,
+    wave: WaveMotion,
+    episode: float,
+    time: float,
 ) -> Inputs:
     return Inputs(
         drive,
         pitch_command,
-        inflow + wave.inflow,
+        disturbance.inflow + wave.inflow,
         wave.inflow_slope,
         wave.position,
-        wave.elevation,
-        resistance_factor,
+        disturbance.elevation + wave.elevation,
+        disturbance.resistance_factor * episode,
+        time,
     )
 
 
@@ -56,8 +74,9 @@ def step(
     sea: Record,
     drive: float,
     pitch_command: float,
-    inflow: tuple[float, float, float],
-    resistance_factor: tuple[float, float, float],
+    start: Disturbance,
+    middle: Disturbance,
+    end: Disturbance,
     dt: float,
 ) -> Outputs:
     """Carry one ship over one time step; state, memory and sea are changed in place.
@@ -69,8 +88,9 @@ def step(
         sea: SEA record; its phasors are set anew every ``SYNC_STEPS`` steps.
         drive: demand on the prime mover [mm | V | N m], held over the step.
         pitch_command: commanded P/D [-], held over the step.
-        inflow: disturbance u_x [m/s] at the step's start, middle and end, besides the sea's.
-        resistance_factor: d_c1 [-] likewise.
+        start: disturbance at the step's start, added to the sea's.
+        middle: at its middle.
+        end: at its end.
         dt: [s].
 
     Returns:
@@ -79,23 +99,25 @@ def step(
     """
     now = get_state(state)
     delivered = begin_step(plant, memory, drive, dt)
+    time = memory.cursor * dt
+    episode = episode_factor(plant, time, dt)
     if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
-        synchronise(sea, memory.cursor * dt, now.position, now.ship_speed, 0.5 * dt)
+        synchronise(sea, time, now.position, now.ship_speed, 0.5 * dt)
     wave = motion(sea, now.position)
-    start = _inputs(delivered, pitch_command, inflow[0], resistance_factor[0], wave)
+    first = _inputs(delivered, pitch_command, start, wave, episode, time)
     if sea.present != 0:
         turn(sea, 0.5 * dt)
         wave = motion(sea, now.position)
-    middle = _inputs(delivered, pitch_command, inflow[1], resistance_factor[1], wave)
+    second = _inputs(delivered, pitch_command, middle, wave, episode, time + 0.5 * dt)
     if sea.present != 0:
         turn(sea, 0.5 * dt)
         wave = motion(sea, now.position)
-    end = _inputs(delivered, pitch_command, inflow[2], resistance_factor[2], wave)
+    third = _inputs(delivered, pitch_command, end, wave, episode, time + dt)
     blade = memory.blade_pitch
     ventilated = memory.ventilated != 0
-    rate, outputs = evaluate(plant, now, start, blade, ventilated)
+    rate, outputs = evaluate(plant, now, first, blade, ventilated)
     read_instruments(plant, memory, outputs, dt)
-    following = runge_kutta(plant, now, rate, middle, end, blade, ventilated, dt)
+    following = runge_kutta(plant, now, rate, second, third, blade, ventilated, dt)
     set_state(state, following)
     end_step(plant, memory, following.ship_speed, dt)
     return outputs
@@ -108,14 +130,15 @@ def observe(
     memory: Record,
     sea: Record,
     pitch_command: float,
-    inflow: float,
-    resistance_factor: float,
+    disturbance: Disturbance,
     dt: float,
 ) -> Outputs:
     """Outputs at the present instant under the last drive input; the instruments read them."""
     now = get_state(state)
     wave = motion(sea, now.position)
-    inputs = _inputs(memory.rack, pitch_command, inflow, resistance_factor, wave)
+    time = memory.cursor * dt
+    episode = episode_factor(plant, time, dt)
+    inputs = _inputs(memory.rack, pitch_command, disturbance, wave, episode, time)
     _, outputs = evaluate(plant, now, inputs, memory.blade_pitch, memory.ventilated != 0)
     read_instruments(plant, memory, outputs, dt)
     return outputs
@@ -128,8 +151,7 @@ def prepare(
     memory: Record,
     sea: Record,
     drive: float,
-    inflow: float,
-    resistance_factor: float,
+    disturbance: Disturbance,
     dt: float,
 ) -> None:
     """Start at time 0: the sea synchronised, the memories settled on the initial state."""
@@ -137,7 +159,8 @@ def prepare(
     if sea.present != 0:
         synchronise(sea, 0.0, now.position, now.ship_speed, 0.5 * dt)
     wave = motion(sea, now.position)
-    inputs = _inputs(drive, now.pitch_ratio, inflow, resistance_factor, wave)
+    episode = episode_factor(plant, 0.0, dt)
+    inputs = _inputs(drive, now.pitch_ratio, disturbance, wave, episode, 0.0)
     _, outputs = evaluate(plant, now, inputs, now.pitch_ratio, False)
     settle(plant, memory, now, outputs, drive, dt)
 
@@ -176,7 +199,7 @@ def _write(
 
 
 @compiled
-def _trajectory(
+def trajectory(
     plant: Record,
     state: Record,
     memory: Record,
@@ -184,13 +207,31 @@ def _trajectory(
     drive: NDArray[np.float64],
     pitch_command: NDArray[np.float64],
     inflow: NDArray[np.float64],
+    elevation: NDArray[np.float64],
     resistance_factor: NDArray[np.float64],
     dt: float,
     samples: Any,
 ) -> None:
-    prepare(plant, state, memory, sea, drive[0], inflow[0], resistance_factor[0], dt)
+    """Simulate one ship's record and keep every sample: :func:`simulate` without its checks.
+
+    Args:
+        plant: PLANT record; :func:`shaftline.plant.ship.record_name` tells which field a key sets.
+        state: STATE record, the initial state; the final one afterwards.
+        memory: MEMORY record, filled from the initial state whatever it held.
+        sea: SEA record, changed in place.
+        drive: demand of each step [mm | V | N m], shape (n,).
+        pitch_command: commanded P/D of each step [-], shape (n,).
+        inflow: u_x [m/s] at the steps' starts and middles and the last one's end, shape (2 n + 1,).
+        elevation: of the surface above the propeller [m], likewise.
+        resistance_factor: d_c1 [-], likewise.
+        dt: [s].
+        samples: SAMPLE array of shape (n + 1,), filled.
+    """
+    begin = Disturbance(inflow[0], elevation[0], resistance_factor[0])
+    prepare(plant, state, memory, sea, drive[0], begin, dt)
     steps = len(drive)
     for k in range(steps):
+        a, b, c = 2 * k, 2 * k + 1, 2 * k + 2
         now = get_state(state)
         log = memory.speed_log
         outputs = step(
@@ -200,15 +241,15 @@ def _trajectory(
             sea,
             drive[k],
             pitch_command[k],
-            (inflow[2 * k], inflow[2 * k + 1], inflow[2 * k + 2]),
-            (resistance_factor[2 * k], resistance_factor[2 * k + 1], resistance_factor[2 * k + 2]),
+            Disturbance(inflow[a], elevation[a], resistance_factor[a]),
+            Disturbance(inflow[b], elevation[b], resistance_factor[b]),
+            Disturbance(inflow[c], elevation[c], resistance_factor[c]),
             dt,
         )
         _write(samples[k], k * dt, drive[k], pitch_command[k], now, memory, log, outputs)
     last = steps - 1
-    outputs = observe(
-        plant, state, memory, sea, pitch_command[last], inflow[-1], resistance_factor[-1], dt
-    )
+    finish = Disturbance(inflow[-1], elevation[-1], resistance_factor[-1])
+    outputs = observe(plant, state, memory, sea, pitch_command[last], finish, dt)
     _write(
         samples[steps],
         steps * dt,
@@ -253,8 +294,9 @@ def advance(
                 seas[i],
                 drive[i],
                 pitch_command[i],
-                (0.0, 0.0, 0.0),
-                (1.0, 1.0, 1.0),
+                UNDISTURBED,
+                UNDISTURBED,
+                UNDISTURBED,
                 dt,
             )
 
@@ -263,14 +305,16 @@ def advance(
 class Schedule:
     """What is done to a ship over time, as functions of time or constants.
 
-    ``drive`` is the fuel rack [mm], voltage [V] or torque [N m]; ``inflow`` is u_x [m/s] and
-    ``resistance_factor`` d_c1 [-]. Commands are held over each step; disturbances are continuous.
+    ``drive`` is the fuel rack [mm], voltage [V] or torque [N m]; ``inflow`` is u_x [m/s],
+    ``resistance_factor`` d_c1 [-] and ``elevation`` that of the surface above the propeller [m], the
+    sea's apart. Commands are held over each step; disturbances are continuous.
     """
 
     drive: Any
     pitch_command: Any
     inflow: Any = 0.0
     resistance_factor: Any = 1.0
+    elevation: Any = 0.0
 
 
 def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
@@ -317,7 +361,7 @@ def simulate(
     state = np.zeros(1, STATE)
     state[0] = tuple(float(value) for value in initial)
     samples = np.zeros(steps + 1, SAMPLE)
-    _trajectory(
+    trajectory(
         ship.record(),
         state[0],
         np.zeros(1, MEMORY)[0],
@@ -325,6 +369,7 @@ def simulate(
         _sampled(schedule.drive, grid, "drive"),
         _sampled(schedule.pitch_command, grid, "pitch_command"),
         _sampled(schedule.inflow, half_grid, "inflow"),
+        _sampled(schedule.elevation, half_grid, "elevation"),
         _sampled(schedule.resistance_factor, half_grid, "resistance_factor"),
         dt,
         samples,

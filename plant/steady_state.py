@@ -23,8 +23,8 @@ class Equilibrium(NamedTuple):
 def steady_inputs(
     drive: float, pitch_command: float, inflow: float = 0.0, resistance_factor: float = 1.0
 ) -> Inputs:
-    """Inputs without waves."""
-    return Inputs(drive, pitch_command, inflow, 0.0, 0.0, 0.0, resistance_factor)
+    """Inputs without waves, at time 0."""
+    return Inputs(drive, pitch_command, inflow, 0.0, 0.0, 0.0, resistance_factor, 0.0)
 
 
 def equilibrium(

@@ -25,7 +25,7 @@ from ..plant import equilibrium, get_sea, load_ship, realise
 from ..plant.dynamics import MEMORY, STATE, State, evaluate
 from ..plant.files import write_text
 from ..plant.ship import PLANT
-from ..plant.simulation import advance, prepare
+from ..plant.simulation import UNDISTURBED, advance, prepare
 from ..plant.steady_state import steady_inputs
 from ..plant.waves import SEA, field
 from .tables import markdown
@@ -61,7 +61,7 @@ class Fleet:
             if waves:
                 self.seas[i] = realise(waves, frigate.propeller.depth_m, seed=i)
             prepare(self.plants[i], self.states[i], self.memories[i], self.seas[i],
-                    22.0, 0.0, 1.0, self.dt)  # fmt: skip
+                    22.0, UNDISTURBED, self.dt)  # fmt: skip
         self.drive, self.pitch = np.full(ships, 22.0), np.full(ships, 1.3)
         self.observers: Any = None
         if observer:

@@ -17,7 +17,7 @@ from ..baselines.torque_loss import estimated_propeller_torque
 from ..plant import Ship, equilibrium, get_sea, load_ship, realise
 from ..plant.compiled import Record
 from ..plant.dynamics import MEMORY, STATE
-from ..plant.simulation import observe, prepare, step
+from ..plant.simulation import Disturbance, observe, prepare, step
 from ..plant.waves import SEA
 
 INTERVAL_STEPS = 10
@@ -70,10 +70,10 @@ def _interval(
     dt: float,
 ) -> None:
     truth[:] = 0.0
-    factor = (resistance_factor, resistance_factor, resistance_factor)
+    steady = Disturbance(0.0, 0.0, resistance_factor)
     for _ in range(INTERVAL_STEPS):
         speed = state.shaft_speed
-        outputs = step(plant, state, memory, sea, rack, pitch, (0.0, 0.0, 0.0), factor, dt)
+        outputs = step(plant, state, memory, sea, rack, pitch, steady, steady, steady, dt)
         power = outputs.brake_torque * plant.gear_ratio * speed
         truth[0] += outputs.thrust / INTERVAL_STEPS
         truth[1] += outputs.thrust * outputs.advance_velocity / INTERVAL_STEPS
@@ -81,7 +81,7 @@ def _interval(
         truth[3] = max(truth[3], power)
         truth[4] += speed / INTERVAL_STEPS
         truth[5] = max(truth[5], speed)
-    outputs = observe(plant, state, memory, sea, pitch, 0.0, resistance_factor, dt)
+    outputs = observe(plant, state, memory, sea, pitch, steady, dt)
     truth[6] = state.ship_speed
     truth[7] = state.ventilation
     truth[8] = outputs.propeller_torque
@@ -139,7 +139,8 @@ def sail(
             seas[i] = realise(spectrum, float(plant["depth"]), seed)
         states[i] = tuple(float(value) for value in first)
         rack = float(start.inputs.drive)
-        prepare(plant, states[i], memories[i], seas[i], rack, 0.0, resistance_factor, dt)
+        begin = Disturbance(0.0, 0.0, resistance_factor)
+        prepare(plant, states[i], memories[i], seas[i], rack, begin, dt)
         _read(states[i], memories[i], 0.0, readings[i])
     readings[:, 0] = order_m_s
     low = np.array([plant["pitch_ratio_min"], plant["drive_min"]])

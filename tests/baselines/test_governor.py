@@ -10,7 +10,7 @@ from shaftline.baselines.steady_points import speed_range, steady_point
 from shaftline.plant import Schedule, Ship, ShipError, equilibrium, load_ship, simulate
 from shaftline.plant.dynamics import MEMORY, STATE
 from shaftline.plant.prime_mover import rack_torque, torque_limit
-from shaftline.plant.simulation import prepare, step
+from shaftline.plant.simulation import UNDISTURBED, prepare, step
 from shaftline.plant.waves import calm
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
@@ -30,14 +30,14 @@ def governed(
     state, memory = np.zeros(1, STATE)[0], np.zeros(1, MEMORY)[0]
     for name, value in begin.state._asdict().items():
         state[name] = value
-    prepare(plant, state, memory, calm(), begin.inputs.drive, 0.0, 1.0, dt)
+    prepare(plant, state, memory, calm(), begin.inputs.drive, UNDISTURBED, dt)
     before = [state["shaft_speed"]]  # until now this was the order
     integral = governor.settle(before, [memory["rack"]], before)
     speeds, racks = [], []
     for _ in range(round(seconds / 0.5)):
         rack, integral = governor.command([order], [state["shaft_speed"]], integral)
         for _ in range(round(0.5 / dt)):
-            step(plant, state, memory, calm(), float(rack[0]), pitch, (0.0,) * 3, (1.0,) * 3, dt)
+            step(plant, state, memory, calm(), float(rack[0]), pitch, *(UNDISTURBED,) * 3, dt)
         speeds.append(float(state["shaft_speed"]))
         racks.append(float(rack[0]))
     return speeds, racks

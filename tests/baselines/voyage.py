@@ -9,7 +9,7 @@ import numpy as np
 from shaftline.plant import Ship, equilibrium
 from shaftline.plant.dynamics import MEMORY, STATE
 from shaftline.plant.fuel import fuel_rate
-from shaftline.plant.simulation import prepare, step
+from shaftline.plant.simulation import UNDISTURBED, Disturbance, prepare, step
 from shaftline.plant.waves import calm
 
 INTERVAL_S = 0.5
@@ -44,7 +44,7 @@ def sail(
     state, memory, sea = np.zeros(1, STATE)[0], np.zeros(1, MEMORY)[0], calm()
     for name, value in begin.state._asdict().items():
         state[name] = value
-    prepare(plant, state, memory, sea, begin.inputs.drive, 0.0, 1.0, dt)
+    prepare(plant, state, memory, sea, begin.inputs.drive, UNDISTURBED, dt)
     factor = resistance if callable(resistance) else (lambda t: resistance)
     wanted = order if callable(order) else (lambda t: order)
     advance = begin.outputs.advance_velocity
@@ -60,11 +60,9 @@ def sail(
             plant["pitch_ratio_max"] - plant["pitch_ratio_min"]
         )
         drive = 0.5 * (action[1] + 1.0) * plant["drive_max"]
-        d = float(factor(time))
+        held = Disturbance(0.0, 0.0, float(factor(time)))
         for _ in range(round(INTERVAL_S / dt)):
-            out = step(
-                plant, state, memory, sea, float(drive), float(pitch), (0.0,) * 3, (d,) * 3, dt
-            )
+            out = step(plant, state, memory, sea, float(drive), float(pitch), held, held, held, dt)
         advance = out.advance_velocity
         engine_speed = float(plant["gear_ratio"] * state["shaft_speed"])
         fuel = float(plant["propellers"]) * fuel_rate(plant, engine_speed, out.brake_torque)

@@ -10,7 +10,7 @@ from shaftline.observers.sailing import sail
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
 from shaftline.plant.dynamics import MEMORY, STATE
 from shaftline.plant.ship import PLANT
-from shaftline.plant.simulation import prepare
+from shaftline.plant.simulation import UNDISTURBED, prepare
 from shaftline.plant.waves import SEA, SYNC_STEPS
 
 BLOCKS = 40
@@ -30,7 +30,7 @@ def test_batch_equals_simulation_and_following(
     states[:] = tuple(design_point.state)
     for i, name in enumerate(NAMES):
         observers[i] = get_observer(name).discretise(frigate, 0.05)  # the ship as it is believed
-        prepare(plants[i], states[i], memories[i], seas[i], 22.0, 0.0, 1.0, 0.05)
+        prepare(plants[i], states[i], memories[i], seas[i], 22.0, UNDISTURBED, 0.05)
 
     steps = BLOCKS * SYNC_STEPS
     racks = np.repeat([22.0, 28.0], steps // 2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shaftline.plant import Schedule, Ship, equilibrium, simulate
+from shaftline.plant import Schedule, Ship, equilibrium, load_ship, simulate
 
 INF = float("inf")
 
@@ -31,6 +31,7 @@ PLANT_EFFECTS = [
     effect("viscous-engine-side", "transmission.viscous_friction_engine_side_N_m_s_rad", 500.0),
     effect("coulomb-propeller-side", "transmission.coulomb_friction_propeller_side_N_m", 5e3),
     effect("viscous-propeller-side", "transmission.viscous_friction_propeller_side_N_m_s_rad", 5e2),
+    effect("quadratic-drag", "transmission.quadratic_drag_N_m_s2_rad2", 50.0),
     effect("engine-torque-lag", "prime_mover.lag_s", 1.0),
     effect("engine-dead-time", "prime_mover.dead_time_s", 0.6),
     effect("rack-rate-limit", "prime_mover.rack_rate_limit_mm_s", 1.0, INF),
@@ -54,6 +55,13 @@ PLANT_EFFECTS = [
     effect("wake-speed-dependence", "hull.wake_slope_s_m", 0.01, wake_reference_speed_m_s=5.0),
     effect("hull-fouling", "hull.fouling_fraction", 0.3),
     effect("current", "hull.current_m_s", 0.7),
+    effect(
+        "resistance-episode",
+        "hull.episode_resistance_fraction",
+        0.5,
+        episode_start_s=30.0,
+        episode_end_s=80.0,
+    ),
     effect("pitch-dead-band", "pitch_actuator.dead_band", 0.02),
     effect("pitch-backlash", "pitch_actuator.backlash", 0.03),
     effect("pitch-rate-limit", "pitch_actuator.rate_limit_per_s", 0.02, INF),
@@ -70,6 +78,12 @@ PLANT_EFFECTS = [
             "ventilation.washout_time_s": 2.0,
         },
     ),
+]
+
+MOTOR_EFFECTS = [
+    effect("command-dead-zone", "prime_mover.command_dead_zone_V", 1.5),
+    effect("direction-asymmetry", "prime_mover.reverse_torque_fraction", 0.8, 1.0),
+    effect("supply-limit", "prime_mover.supply_limit_V", 5.0, INF),
 ]
 
 SENSOR_EFFECTS = [
@@ -135,6 +149,30 @@ def test_sensor_effect_changes_readings_and_nothing_else(
     assert set(differing) <= set(MEASURED)
 
 
+def tug_voyage(inductance: float) -> Any:
+    """Both ways, with and without an inductance, through the dead zone and to the end stop."""
+    motor = {"prime_mover.armature_inductance_H": inductance, "propeller.model": "bollard"}
+    tug = load_ship("tito-neri-sine").with_values(motor)
+    schedule = Schedule(
+        lambda t: np.select([t < 0.3, t < 0.6, t < 0.8], [4.0, 20.0, -1.0], -6.0), 1
+    )
+    initial = equilibrium(tug, 4.0, 1.0).state
+
+    def sail(values: dict[str, float]) -> NDArray[Any]:
+        return simulate(tug.with_values(values), schedule, 1.2, initial=initial)
+
+    return sail
+
+
+@pytest.mark.parametrize("inductance", [0.0, 0.000603])
+@named(MOTOR_EFFECTS)
+def test_motor_effect_is_absent_to_the_last_bit_or_acts(effect: Effect, inductance: float) -> None:
+    sail = tug_voyage(inductance)
+    nominal, changed = sail({}), sail(effect.present)
+    assert sail(effect.neutral).tobytes() == nominal.tobytes()
+    assert np.abs(changed["shaft_speed"] - nominal["shaft_speed"]).max() > 1.0  # rad/s
+
+
 # optional numbers that describe the nominal ship and are no effects
 NOMINAL = {
     "hull": {"fixed", "mass_kg", "resistance_coefficient_N_s2_m2", "thrust_deduction",
@@ -151,6 +189,13 @@ NOMINAL = {
     "pitch_actuator": {"time_constant_s"},
     "sensors": set(),
 }  # fmt: skip
+
+
+def test_every_optional_number_of_a_motor_is_nominal_or_a_covered_effect() -> None:
+    fields = type(load_ship("tito-neri-sine").prime_mover).model_fields
+    optional = {name for name, info in fields.items() if not info.is_required()}
+    covered = {key.removeprefix("prime_mover.") for one in MOTOR_EFFECTS for key in one.neutral}
+    assert optional == covered | {"armature_inductance_H"}
 
 
 @pytest.mark.parametrize("section", NOMINAL)

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from shaftline.plant import Equilibrium, Schedule, Ship, equilibrium, simulate
-from shaftline.plant.shaft import friction_torque
+from shaftline.plant.shaft import friction_torque, quadratic_drag
 
 GEAR, EFFICIENCY = 7.38, 0.95
 
@@ -51,6 +51,16 @@ def test_friction_stands_on_its_side_of_the_gauge(frigate: Ship, kind: str, side
     assert found.outputs.shaft_torque == pytest.approx(
         found.outputs.propeller_torque + behind, rel=1e-9
     )
+
+
+def test_quadratic_drag_opposes_behind_the_gauge(frigate: Ship) -> None:
+    ship = frigate.with_values({"transmission.quadratic_drag_N_m_s2_rad2": 40.0})
+    assert [quadratic_drag(ship.record(), w) for w in (-3.0, 0.0, 3.0)] == [-360.0, 0.0, 360.0]
+    found = equilibrium(ship, 22.0, 1.4)
+    drag = 40.0 * found.state.shaft_speed**2
+    driving = found.outputs.brake_torque * GEAR * EFFICIENCY
+    assert found.outputs.shaft_torque == pytest.approx(driving, rel=1e-9)
+    assert driving - drag == pytest.approx(found.outputs.propeller_torque, rel=1e-9)
 
 
 def test_brake_torque_is_the_rack_map(frigate: Ship) -> None:

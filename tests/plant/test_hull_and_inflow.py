@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.plant import Equilibrium, Schedule, Ship, equilibrium, simulate
+from shaftline.plant import Equilibrium, Schedule, Ship, ShipError, equilibrium, simulate
 
 
 def with_hull(ship: Ship, **values: float) -> Ship:
@@ -87,6 +87,42 @@ def test_resistance_factor_acts_while_it_lasts(frigate: Ship, design_point: Equi
     s = simulate(frigate, episode, 60.0, initial=design_point.state)
     factor = s["resistance"] / (3306.2 * s["ship_speed"] ** 2)
     np.testing.assert_allclose(factor[[100, 500, 1100]], [1.0, 1.5, 1.0], rtol=1e-12)
+
+
+def test_episode_raises_the_resistance_inside_its_window(
+    frigate: Ship, design_point: Equilibrium
+) -> None:
+    ship = frigate.with_values(
+        {"hull.episode_resistance_fraction": 0.5, "hull.episode_start_s": 10.0,
+         "hull.episode_end_s": 40.02}
+    )  # fmt: skip
+    s = simulate(ship, Schedule(22.0, 1.4), 60.0, initial=design_point.state)
+    factor = s["resistance"] / (3306.2 * s["ship_speed"] ** 2)
+    # the window ends 0.02 s into step 800, which so has 2/5 of the rise
+    expected = {0: 1.0, 199: 1.0, 200: 1.5, 799: 1.5, 800: 1.2, 801: 1.0, 1200: 1.0}
+    assert factor[list(expected)] == pytest.approx(list(expected.values()), rel=1e-9)
+    given = Schedule(22.0, 1.4, resistance_factor=lambda t: np.where((t > 10) & (t < 40), 1.5, 1.0))
+    same = simulate(frigate, given, 60.0, initial=design_point.state)
+    np.testing.assert_allclose(s["ship_speed"], same["ship_speed"], rtol=1e-3)
+
+
+def test_voyage_depends_smoothly_on_the_edges_of_an_episode(
+    frigate: Ship, design_point: Equilibrium
+) -> None:
+    def end(start: float) -> float:
+        values = {"hull.episode_resistance_fraction": 0.5, "hull.episode_start_s": start}
+        run = simulate(
+            frigate.with_values(values), Schedule(22.0, 1.4), 20.0, initial=design_point.state
+        )
+        return float(run["ship_speed"][-1])
+
+    slopes = [(end(t + 1e-3) - end(t)) / 1e-3 for t in (10.0, 10.01, 10.02, 10.04)]
+    assert slopes == pytest.approx([slopes[0]] * 4, rel=0.01)
+
+
+def test_episode_before_it_begins_is_refused(frigate: Ship) -> None:
+    with pytest.raises(ShipError, match="episode_end_s must not be before episode_start_s"):
+        frigate.with_values({"hull.episode_start_s": 10.0, "hull.episode_end_s": 9.0})
 
 
 def test_fixed_hull_stays(frigate: Ship) -> None:

@@ -23,7 +23,7 @@ def test_waves_and_moving_pitch_agree_with_scipy(
 
     def rate(t: float, y: NDArray[np.float64]) -> tuple[float, ...]:
         inflow, elevation = field(thesis_sea, t, y[3])
-        inputs = Inputs(22.0, 1.4, inflow, 0.0, 0.0, elevation, 1.0)
+        inputs = Inputs(22.0, 1.4, inflow, 0.0, 0.0, elevation, 1.0, t)
         state = State(y[0], y[1], y[2], y[3], 0.0, 0.0, 0.0, 0.0)
         return evaluate(plant, state, inputs, y[0], False)[0][:4]
 

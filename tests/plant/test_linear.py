@@ -145,6 +145,7 @@ def test_gain_is_the_slope_between_steady_states(frigate: Ship, name: str) -> No
         ({"transmission.coulomb_friction_engine_side_N_m": 5e3}, []),
         ({"hull.current_m_s": 0.5, "hull.wake_slope_s_m": 0.01}, []),
         ({"prime_mover.torque_curvature_N_m_s2_rad2": -1.0}, []),
+        ({"transmission.quadratic_drag_N_m_s2_rad2": 40.0}, []),
     ],
     ids=str,
 )

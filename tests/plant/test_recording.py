@@ -53,6 +53,55 @@ def test_recording_of_inputs_alone_starts_in_their_steady_state(frigate: Ship) -
     np.testing.assert_allclose(found["ship_speed_m_s"], recording["ship_speed_m_s"], rtol=1e-8)
 
 
+@pytest.mark.parametrize("values", [{}, LAGS | {"hull.current_m_s": 0.4}], ids=["calm", "lags"])
+def test_measured_inflow_and_submergence_act(frigate: Ship, values: dict[str, float]) -> None:
+    """A gust and a rising surface that the recording knows only by what was measured."""
+    losses = {"propeller.cavitation_breakdown": 0.3, "propeller.cavitation_onset_number": 8.0}
+    ship = frigate.with_values(losses | values)
+    schedule = Schedule(24.0, 1.3, inflow=lambda t: 0.05 * t, elevation=lambda t: -0.1 * t)
+    s = simulate(ship, schedule, 20.0, initial=equilibrium(ship, 24.0, 1.3).state)
+    water = s["ship_speed"] - ship.hull.current_m_s
+    recording = pd.DataFrame(
+        {
+            "time_s": s["time"], "fuel_rack_mm": s["drive"], "pitch_ratio_command": 1.3,
+            "pitch_ratio": s["measured_pitch_ratio"], "shaft_speed_rad_s": s["shaft_speed"],
+            "shaft_torque_N_m": s["measured_shaft_torque"],
+            "ship_speed_m_s": s["measured_ship_speed"],
+            "inflow_velocity_m_s": 0.95 * water + 0.05 * s["time"],
+            "propeller_submergence_m": s["submergence"],
+        }
+    )  # fmt: skip
+    found = simulate_recording(ship, recording)
+    for name in [*MEASURED, "inflow_velocity_m_s", "propeller_submergence_m"]:
+        np.testing.assert_allclose(found[name], recording[name], rtol=1e-7, err_msg=name)
+    blind = simulate_recording(ship, recording.drop(columns="inflow_velocity_m_s"))
+    assert np.ptp(blind["shaft_speed_rad_s"] - recording["shaft_speed_rad_s"]) > 0.01
+    deep = simulate_recording(ship, recording.drop(columns="propeller_submergence_m"))
+    assert np.ptp(deep["shaft_speed_rad_s"] - recording["shaft_speed_rad_s"]) > 0.01
+
+
+def test_measured_inflow_of_a_fixed_hull_needs_no_speed(frigate: Ship) -> None:
+    moored = frigate.with_values({"hull.fixed": True})
+    s = simulate(
+        moored, Schedule(15.0, 0.8, inflow=2.0), 10.0, initial=equilibrium(moored, 15, 0.8).state
+    )
+    recording = pd.DataFrame(
+        {
+            "time_s": s["time"], "fuel_rack_mm": 15.0, "pitch_ratio_command": 0.8,
+            "pitch_ratio": 0.8, "shaft_speed_rad_s": s["shaft_speed"], "ship_speed_m_s": 0.0,
+            "inflow_velocity_m_s": 2.0,
+        }
+    )  # fmt: skip
+    found = simulate_recording(moored, recording)
+    np.testing.assert_allclose(found["shaft_speed_rad_s"], s["shaft_speed"], rtol=1e-9)
+
+
+def test_measured_inflow_of_a_moving_hull_needs_its_speed(frigate: Ship) -> None:
+    recording = sailed(frigate).drop(columns="ship_speed_m_s").assign(inflow_velocity_m_s=8.0)
+    with pytest.raises(RecordingError, match="inflow_velocity_m_s asks for ship_speed_m_s"):
+        simulate_recording(frigate, recording)
+
+
 def test_recording_survives_its_file(frigate: Ship, tmp_path: Path) -> None:
     recording = sailed(frigate)
     recording.to_csv(tmp_path / "r.csv", index=False)

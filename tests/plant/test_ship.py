@@ -4,12 +4,13 @@ import math
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from shaftline.plant import Ship, ShipError, load_ship, ship_names
-from shaftline.plant.ship import HISTORY
+from shaftline.plant import Ship, ShipError, load_ship, ship_names, write_ship
+from shaftline.plant.ship import HISTORY, key_info, record_name
 
 FRIGATE = resources.files("shaftline.plant").joinpath("ships/frigate.toml").read_text("utf-8")
 
@@ -140,6 +141,85 @@ def test_with_values_reaches_the_record(frigate: Ship) -> None:
 def test_with_values_validates(frigate: Ship, values: dict[str, float], words: str) -> None:
     with pytest.raises(ShipError, match=words):
         frigate.with_values(values)
+
+
+SHAPE = {
+    "unexplained.balance": "hull", "unexplained.signal": "ship_speed",
+    "unexplained.knots": (0.0, 2.5, 1e3), "unexplained.values": (0.0, -1e-7, 3e8),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{}, {"pitch_actuator.rate_limit_per_s": math.inf, "sensors.torque_gain": 1.05}, SHAPE],
+)
+@pytest.mark.parametrize("name", [n for n in ship_names() if not n.startswith("tito")])
+def test_written_ship_is_read_back(name: str, values: dict[str, Any], tmp_path: Path) -> None:
+    ship = load_ship(name).with_values(values)
+    found = load_ship(write_ship(ship, tmp_path / "new" / "mine.toml"))
+    assert found == ship
+    assert found.model_dump(exclude_unset=True) == ship.model_dump(exclude_unset=True)
+    assert found.record().tobytes() == ship.record().tobytes()
+
+
+def test_written_motor_is_read_back(tmp_path: Path) -> None:
+    ship = load_ship("tito-neri-sine").with_values({"prime_mover.supply_limit_V": math.inf})
+    path = write_ship(ship, tmp_path / "tug.toml")
+    assert load_ship(path) == ship
+    assert "supply_limit_V = inf" in path.read_text()
+    assert "efficiency = 1.0\n" in path.read_text()
+    assert "viscous" not in path.read_text()
+
+
+def test_ship_is_written_to_toml_only(frigate: Ship, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"mine\.json: a ship's file ends in \.toml"):
+        write_ship(frigate, tmp_path / "mine.json")
+
+
+@pytest.mark.parametrize(
+    ("key", "field", "info"),
+    [
+        (
+            "transmission.coulomb_friction_engine_side_N_m",
+            "coulomb_engine_side",
+            ("N m", 0, 1e7, 0),
+        ),
+        ("prime_mover.rack_rate_limit_mm_s", "rack_rate_limit", ("mm/s", 0, math.inf, math.inf)),
+        ("hull.current_m_s", "current", ("m/s", -5, 5, 0)),
+        ("sensors.torque_gain", "torque_sensor_gain", ("-", 0, 3, 1)),
+        ("hull.mass_kg", "mass", ("kg", 0, 1e9, None)),
+    ],
+)
+def test_key_has_a_field_and_a_range(
+    frigate: Ship, key: str, field: str, info: tuple[object, ...]
+) -> None:
+    assert record_name(key, frigate) == field
+    assert key_info(key, frigate) == info
+
+
+def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
+    tug = load_ship("tito-neri-sine")
+    assert record_name("prime_mover.command_dead_zone_V", tug) == "command_dead_zone"
+    with pytest.raises(
+        ShipError, match=r"frigate: prime_mover\.command_dead_zone_V is not a known"
+    ):
+        record_name("prime_mover.command_dead_zone_V", frigate)
+
+
+@pytest.mark.parametrize(
+    "key", ["hull", "hull.colour", "name", "rudder.angle", "record.x", "unexplained.knots"]
+)
+def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
+    with pytest.raises(ShipError, match=f"{key} is not a known key"):
+        key_info(key, frigate)
+
+
+@pytest.mark.parametrize(
+    "key", ["propeller.blades", "hull.propellers", "prime_mover.speed_min_rpm"]
+)
+def test_key_without_a_field_of_its_own_is_named(frigate: Ship, key: str) -> None:
+    with pytest.raises(ShipError, match=f"{key} has no field of its own"):
+        record_name(key, frigate)
 
 
 def test_ship_is_frozen(frigate: Ship) -> None:

@@ -21,9 +21,9 @@ from shaftline.plant import (
     simulate,
 )
 from shaftline.plant.dynamics import MEMORY, STATE
-from shaftline.plant.ship import PLANT
-from shaftline.plant.signals import SIGNALS
-from shaftline.plant.simulation import advance, prepare
+from shaftline.plant.ship import PLANT, record_name
+from shaftline.plant.signals import SAMPLE, SIGNALS
+from shaftline.plant.simulation import UNDISTURBED, advance, prepare, trajectory
 from shaftline.plant.waves import SEA, SYNC_STEPS, calm
 
 BUSY = {
@@ -61,7 +61,7 @@ class Batch:
             self.seas[i] = seas[i]
             prepare(
                 self.plants[i], self.states[i], self.memories[i], self.seas[i],
-                DRIVES[0], 0.0, 1.0, 0.05,
+                DRIVES[0], UNDISTURBED, 0.05,
             )  # fmt: skip
 
     def run(self, blocks: int) -> bytes:
@@ -141,6 +141,51 @@ def test_one_sample_at_every_step_and_one_at_the_end(
     np.testing.assert_allclose(found["time"], 0.05 * np.arange(samples), atol=1e-12)
 
 
+def test_elevation_is_added_to_the_seas(
+    frigate: Ship, design_point: Equilibrium, thesis_sea: Any
+) -> None:
+    risen = Schedule(22.0, 1.4, elevation=lambda t: 0.1 * t)
+    plain, found = (
+        simulate(frigate, s, 20.0, initial=design_point.state, sea=thesis_sea)
+        for s in (Schedule(22.0, 1.4), risen)
+    )
+    np.testing.assert_allclose(
+        found["submergence"], plain["submergence"] + 0.1 * plain["time"], rtol=1e-12
+    )
+    np.testing.assert_array_equal(found["shaft_speed"], plain["shaft_speed"])
+
+
+def test_elevation_lets_a_propeller_ventilate(frigate: Ship, design_point: Equilibrium) -> None:
+    ship = frigate.with_values(VARIANTS[2])
+    trough = Schedule(22.0, 1.4, elevation=lambda t: np.where(t > 5.0, -2.0, 0.0))
+    found = simulate(ship, trough, 10.0, initial=equilibrium(ship, 22.0, 1.4).state)
+    assert np.all(found["ventilation"][found["time"] < 5.0] == 0.0)
+    assert found["ventilation"][-1] > 0.9
+
+
+def test_trajectory_of_records_is_the_simulation_of_ships(
+    frigate: Ship, design_point: Equilibrium, thesis_sea: Any
+) -> None:
+    keys = {"propeller.inflow_lag_s": 0.8, "hull.fouling_fraction": 0.2}
+    steps, dt = 200, frigate.time_step_s
+    half = np.arange(2 * steps + 1) * 0.5 * dt
+    expected = simulate(
+        frigate.with_values(keys), Schedule(24.0, 1.3, np.sin, 1.1, np.cos), steps * dt,
+        initial=design_point.state, sea=thesis_sea,
+    )  # fmt: skip
+    plant, memory = frigate.record(), np.zeros(1, MEMORY)[0]
+    for key, value in keys.items():
+        plant[record_name(key, frigate)] = value
+    samples, state = np.zeros(steps + 1, SAMPLE), np.zeros(1, STATE)
+    for _ in range(2):  # a memory may be used again
+        state[0] = tuple(design_point.state)
+        trajectory(
+            plant, state[0], memory, thesis_sea.copy(), np.full(steps, 24.0), np.full(steps, 1.3),
+            np.sin(half), np.cos(half), np.full(half.shape, 1.1), dt, samples,
+        )  # fmt: skip
+        assert samples.tobytes() == expected.tobytes()
+
+
 def test_equilibrium_stays(frigate: Ship, design_point: Equilibrium) -> None:
     samples = simulate(frigate, Schedule(22.0, 1.4), 100.0, initial=design_point.state)
     for name in ("shaft_speed", "ship_speed", "shaft_torque"):
@@ -155,7 +200,9 @@ def test_tug_spins_up_to_its_steady_state() -> None:
     assert samples["motor_current"][-1] == pytest.approx(end.state.motor_current, rel=1e-6)
 
 
-@pytest.mark.parametrize("name", ["drive", "pitch_command", "inflow", "resistance_factor"])
+@pytest.mark.parametrize(
+    "name", ["drive", "pitch_command", "inflow", "elevation", "resistance_factor"]
+)
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_input_that_is_no_number_is_named(
     frigate: Ship, design_point: Equilibrium, name: str, value: float
