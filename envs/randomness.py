@@ -64,7 +64,7 @@ def normal(episode: Record) -> float:
         u = 2.0 * _uniform(bits) - 1.0
         x = u * _EDGES[layer]
         if abs(u) < _INSIDE[layer]:
-            return x
+            return float(x)
         if layer == 0:  # the tail beyond the lowest layer (Marsaglia 1964)
             while True:
                 beyond = -math.log(1.0 - _uniform(_bits(episode))) / _TAIL
@@ -73,4 +73,4 @@ def normal(episode: Record) -> float:
         lower = math.exp(-0.5 * (_EDGES[layer] ** 2 - x * x))
         upper = math.exp(-0.5 * (_EDGES[layer + 1] ** 2 - x * x))
         if upper + _uniform(_bits(episode)) * (lower - upper) < 1.0:
-            return x
+            return float(x)
