@@ -252,7 +252,7 @@ class Fleet:
             self._step(action, 0, self.n)
             return
         # more shares than threads, so that no thread waits long for another on a busy machine
-        shares = min(4 * pool._max_workers, self.n)
+        shares = min(2 * pool._max_workers, self.n)
         bounds = np.linspace(0, self.n, shares + 1).astype(int)
         list(pool.map(self._step, [action] * shares, bounds[:-1], bounds[1:]))
 

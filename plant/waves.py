@@ -24,6 +24,7 @@ COMPONENTS = 64
 SYNC_STEPS = 10
 """Plant steps between two synchronisations of the phasors with time and position."""
 
+_BAND_EDGES = np.geomspace(0.55, 4.5, COMPONENTS + 1)  # over the peak frequency
 _GRAVITY = 9.81  # m/s2
 _LANES = (COMPONENTS,)
 
@@ -108,7 +109,7 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
         return record
     rng = np.random.default_rng(seed)
     peak = 2.0 * math.pi / sea.tp_s
-    edges = peak * np.geomspace(0.55, 4.5, COMPONENTS + 1)
+    edges = peak * _BAND_EDGES
     width = np.diff(edges)
     frequency = edges[:-1] + width * rng.random(COMPONENTS)
     amplitude = np.sqrt(2.0 * jonswap(frequency, sea) * width)
