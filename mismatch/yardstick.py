@@ -53,10 +53,19 @@ class Yardstick:
         self.off = self._differences(self.table, self.sailed)
 
     def _sail(self, table: pd.DataFrame) -> pd.DataFrame | None:
-        """From the first row's state, or where that is none, from a steady one."""
-        steady = table.drop(columns=[c for c in self._reach if c in table])
+        """From the first row's state, or where that is none, from a steady one or, astern, from rest.
+
+        The shaft begins the way the drive demands: a ship that is started the other way round may
+        stay so, and every other channel would then look turned instead of the shaft's.
+        """
         start = table.iloc[0]
         sane = all(abs(start[c]) <= limit for c, limit in self._reach.items() if c in table)
+        if (start[SHAFT_SPEED] < 0.0) != (start[self._drive] < 0.0):
+            table = table.assign(**{SHAFT_SPEED: -table[SHAFT_SPEED]})
+        steady = table.drop(columns=[c for c in self._reach if c in table])
+        if start[self._drive] < 0.0:  # steady states are found ahead only
+            pitch = table.get("pitch_ratio_command", self.ship.propeller.pitch_ratio_max)
+            steady = steady.assign(pitch_ratio=pitch, ship_speed_m_s=0.0, **{SHAFT_SPEED: 0.0})
         for candidate in (table, steady) if sane else (steady,):
             with np.errstate(all="ignore"), suppress(RecordingError):
                 sailed = simulate_recording(self.ship, candidate)

@@ -122,9 +122,10 @@ def as_numbers(path: Path, table: pd.DataFrame, required: list[str]) -> pd.DataF
         bad = ~np.isfinite(numbers.to_numpy())
         if bad.any():
             row = int(np.argmax(bad))
+            given = table[column].iloc[row]
             raise RecordingError(
-                f"{path}: {column}, row {row + 1}: {table[column].iloc[row]!r} is not a finite "
-                f"number ({bad.sum()} of {len(table)} rows; unit {BOUNDS[column][2]})"
+                f"{path}: {column}, row {row + 1}: {repr(given) if isinstance(given, str) else given} "
+                f"is not a finite number ({bad.sum()} of {len(table)} rows; unit {BOUNDS[column][2]})"
             )
         table[column] = numbers
     return table

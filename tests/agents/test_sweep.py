@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -143,29 +141,37 @@ def test_what_json_cannot_hold_is_a_failed_cell(tmp_path: Path) -> None:
 
 
 STOPPED = """
-import sys, time
+import os, signal, sys, threading, time
 from pathlib import Path
 from shaftline.plant.sweep import sweep
+
+# a shell that starts the tests in the background has SIGINT ignored, and children inherit that
+signal.signal(signal.SIGINT, signal.default_int_handler)
+left = [0, 1]
 
 def slow(number):
     time.sleep(0.1 if number < 2 else 60.0)
     return number
 
-sweep(slow, {f"n{i}": i for i in range(6)}, Path(sys.argv[1]), jobs=2)
+def stop_after_two():
+    left.pop()
+    if not left:  # to the whole group, as a terminal does, while the sweep waits for the next cell
+        threading.Timer(0.5, os.killpg, (0, signal.SIGINT)).start()
+
+sweep(slow, {f"n{i}": i for i in range(6)}, Path(sys.argv[1]), jobs=2, tick=stop_after_two)
 """
 
 
 def test_ctrl_c_leaves_finished_cells(tmp_path: Path) -> None:
-    running = subprocess.Popen(
+    stopped = subprocess.run(
         [sys.executable, "-c", STOPPED, str(tmp_path)],
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
         start_new_session=True,
+        timeout=300.0,  # only so that a sweep that hangs fails
     )
-    end = time.monotonic() + 60.0
-    while len(list(tmp_path.glob("n*.json"))) < 2 and time.monotonic() < end:
-        time.sleep(0.1)
-    os.killpg(running.pid, signal.SIGINT)  # as a terminal does
-    assert running.wait(timeout=30.0) != 0
+    assert stopped.returncode != 0
+    assert "KeyboardInterrupt" in stopped.stderr
     kept = {file.stem: json.loads(file.read_text()) for file in tmp_path.iterdir()}
     assert kept == {"n0": 0, "n1": 1}
 

@@ -16,7 +16,7 @@ import pytest
 
 from shaftline.mismatch.recordings import Recording, fetch, load_recording
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
-from shaftline.plant.recording import RecordingError
+from shaftline.plant.recording import RecordingError, simulate_recording
 
 RPM = 30.0 / math.pi
 NOISE = {
@@ -188,6 +188,29 @@ def test_slips_are_named_and_the_advice_mends_them(
     assert len(message.splitlines()) == 1
     full = advice.replace("0.1355", "0.135501")
     load(table, f'[columns]\n{column} = {{ column = "{column}", {full} }}')
+
+
+@pytest.mark.parametrize("begins", [0.0, -0.9], ids=["from-rest", "astern"])
+@pytest.mark.parametrize(
+    ("change", "advice"),
+    [(1.0, ""), (-1.0, "sign = -1"), (RPM, 'unit = "rpm"'), (-RPM, 'unit = "rpm", sign = -1')],
+    ids=["right", "turned", "rpm", "rpm-turned"],
+)
+def test_a_motor_that_runs_astern(load: Load, begins: float, change: float, advice: str) -> None:
+    ship = load_ship("tito-neri-staircase")
+    top, time = float(ship.record()["drive_max"]), 0.1 * np.arange(600)
+    volts = top * np.where(time < 40.0, -0.5 - 0.4 * (time // 5 % 2 == 0), 0.3)
+    first = {"pitch_ratio": 1.0, "ship_speed_m_s": 0.0}
+    first["shaft_speed_rad_s"] = begins * top / float(ship.record()["motor_constant"])
+    orders = pd.DataFrame({"time_s": time, "motor_voltage_V": volts} | first)
+    table = simulate_recording(ship, orders)[["time_s", "motor_voltage_V", "shaft_speed_rad_s"]]
+    table["shaft_speed_rad_s"] *= change
+    if not advice:
+        load(table, ship=ship)
+        return
+    with pytest.raises(RecordingError, match="shaft_speed_rad_s looks like") as refused:
+        load(table, ship=ship)
+    assert advice in str(refused.value)
 
 
 @pytest.mark.parametrize("effect", ["nominal", "gauge-low", "friction"])
