@@ -33,6 +33,11 @@ results: $(INSTALLED)
 	    --sea calm --sea state-3 --sea state-5 --sea state-6 --observer all
 	$(BIN)/python -m shaftline.studies.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
+	$(BIN)/python -m shaftline.studies.tito_neri_effects --out docs/results
+	@# recordings are their owners' and stay outside; SHAFTLINE_DATA is the folder that holds them
+	if [ -d "$(SHAFTLINE_DATA)/recordings/rov_thruster" ]; then \
+	    $(BIN)/python -m shaftline.studies.rov_thruster --out docs/results \
+	        --recordings "$(SHAFTLINE_DATA)/recordings/rov_thruster"; fi
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

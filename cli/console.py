@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from typing import Any
 
 import pandas as pd
@@ -19,6 +20,13 @@ _PIPE_WIDTH = 180  # columns where the output is no terminal, so that no table i
 
 console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 errors = Console(stderr=True)
+
+
+class Backend(StrEnum):
+    """Where the cells of a sweep are worked on."""
+
+    PROCESSES = "processes"
+    DASK = "dask"
 
 
 @contextmanager
@@ -70,3 +78,18 @@ def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
     for row in frame.itertuples(index=False):
         table.add_row(*(cell(value) for value in row))
     console.print(table)
+
+
+@contextmanager
+def stages(label: str) -> Iterator[Callable[[str, int, int], None]]:
+    """A bar that begins anew with every stage; gives the function ``(stage, done, total)``."""
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
+        console=errors, transient=True,
+    ) as bar:  # fmt: skip
+        task = bar.add_task(label, total=None)
+
+        def tick(stage: str, done: int, total: int) -> None:
+            bar.update(task, description=f"{label}: {stage}", completed=done, total=total)
+
+        yield tick

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -22,20 +21,13 @@ from ..plant.files import write_atomically, write_json, write_text
 from ..plant.sweep import check_backend
 from ..studies import figures
 from ..studies.evaluation_page import distinct, page
-from .console import clear_errors, console, print_table, progress
+from .console import Backend, clear_errors, console, print_table, progress
 
 _INTERVAL = 0.5
 _SHOWN = (
     "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "rack_travel_mm_min", "overload_s",
     "overspeed_s", "cavitation_s", "ventilation_s", "failed",
 )  # fmt: skip
-
-
-class Backend(StrEnum):
-    """Where cells are sailed."""
-
-    PROCESSES = "processes"
-    DASK = "dask"
 
 
 def evaluate(

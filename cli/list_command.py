@@ -10,6 +10,7 @@ import typer
 
 from ..baselines.catalogue import CONTROLLERS
 from ..envs import tasks
+from ..mismatch.catalogue import catalogue
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
 from ..plant.files import write_text
@@ -43,6 +44,7 @@ def registries() -> dict[str, pd.DataFrame]:
             [(case.name, case.description) for case in CASES.values()],
             columns=["load case", "description"],
         ),
+        "Effects": effects(),
         "Signals": pd.DataFrame(
             [
                 (s.column, s.symbol, s.unit, s.source, s.description)
@@ -56,14 +58,41 @@ def registries() -> dict[str, pd.DataFrame]:
     }
 
 
+def effects() -> pd.DataFrame:
+    """What `shaftline diagnose` knows by name."""
+    keys = {
+        (label.split()[0]): (unit, allowed) for label, unit, allowed, *_ in reversed(ship_keys())
+    }
+    rows = []
+    for effect in catalogue():
+        parameters = []
+        for parameter in effect.parameters:
+            unit, allowed = keys[parameter.key]
+            parameters.append(f"{parameter.key} [{unit}], {allowed}")
+        if effect.windowed:
+            parameters.append("start and end [s]")
+        rows.append(
+            (effect.id, effect.balance, "; ".join(parameters), effect.equation, effect.excitation,
+             ", ".join(effect.confused_with))
+        )  # fmt: skip
+    heads = ["effect", "balance", "parameters", "equation", "shows with", "confused with"]
+    return pd.DataFrame(rows, columns=heads)
+
+
 def list_names(
+    only_effects: Annotated[
+        bool, typer.Option("--effects", help="Only the effects that a diagnosis knows by name.")
+    ] = False,
     markdown_file: Annotated[
         Path | None, typer.Option("--markdown", help="Write the lists to this file instead.")
     ] = None,
 ) -> None:
-    """List ships, seas, observers, controllers, tasks, signals, and every key of a ship file."""
+    """List ships, seas, observers, controllers, tasks, effects, signals, and every key of a ship file.
+
+    Effects are what `shaftline diagnose` knows by name; their ids go to its `--exclude`.
+    """
     with clear_errors():
-        tables = registries()
+        tables = {"Effects": effects()} if only_effects else registries()
         if markdown_file is not None:
             parts = [f"## {title}\n\n{markdown(table)}\n" for title, table in tables.items()]
             head = "# Reference\n\nMade by `shaftline list --markdown docs/reference.md`.\n\n"

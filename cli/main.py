@@ -6,7 +6,15 @@ from typing import Annotated
 
 import typer
 
-from . import evaluate_command, list_command, reproduce_command, simulate_command, tour_command
+from . import (
+    diagnose_command,
+    evaluate_command,
+    list_command,
+    prove_command,
+    reproduce_command,
+    simulate_command,
+    tour_command,
+)
 
 app = typer.Typer(
     name="shaftline",
@@ -21,6 +29,8 @@ app.command("tour")(tour_command.tour)
 app.command("simulate")(simulate_command.simulate)
 app.command("reproduce")(reproduce_command.reproduce)
 app.command("evaluate")(evaluate_command.evaluate)
+app.command("diagnose")(diagnose_command.diagnose)
+app.command("prove")(prove_command.prove)
 app.command("list")(list_command.list_names)
 
 

@@ -1,1 +1,1 @@
-"""Locate, name, fit and prove what a simulation leaves out of a recording; nothing lives here yet."""
+"""Locate, name, fit and prove what a simulation leaves out of a recording."""

@@ -64,12 +64,12 @@ def compare(
 
 
 def markdown(frame: pd.DataFrame, digits: int = 2) -> str:
-    """A pipe table; numbers rounded, missing ones as a dash."""
+    """A pipe table; numbers rounded, missing ones as a dash, pipes within a cell escaped."""
 
     def cell(value: Any) -> str:
         if isinstance(value, float):
             return "–" if pd.isna(value) else f"{value:.{digits}f}"
-        return str(value)
+        return str(value).replace("|", "\\|")
 
     lines = [
         "| " + " | ".join(map(str, frame.columns)) + " |",

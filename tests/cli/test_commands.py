@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.mismatch.catalogue import catalogue
 from shaftline.plant import equilibrium, load_ship
 from shaftline.studies.load_cases import CASES
 
@@ -36,7 +37,10 @@ def recording(folder: Path, **changes: tuple[int, object]) -> Path:
     return path
 
 
-@pytest.mark.parametrize("command", [(), ("tour",), ("simulate",), ("reproduce",), ("list",)])
+@pytest.mark.parametrize(
+    "command",
+    [(), ("tour",), ("simulate",), ("reproduce",), ("diagnose",), ("prove",), ("list",)],
+)
 def test_help_teaches(shaftline: Command, command: tuple[str, ...]) -> None:
     result = shaftline(*command, "--help")
     assert result.exit_code == 0
@@ -47,6 +51,13 @@ def test_list_names_what_there_is(shaftline: Command) -> None:
     output = shaftline("list").output
     for name in ("frigate", "tito-neri-sine", "state-5", "jonswap", "immersion-invariance-high"):
         assert name in output
+
+
+def test_list_of_effects_tells_what_a_diagnosis_knows(shaftline: Command) -> None:
+    output = shaftline("list", "--effects").output
+    for effect in catalogue():
+        assert effect.id in output
+    assert "state-5" not in output
 
 
 def test_tour_writes_its_pictures(shaftline: Command, tmp_path: Path) -> None:

@@ -1,0 +1,215 @@
+"""``shaftline diagnose``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from ..mismatch.catalogue import bounds
+from ..mismatch.diagnosis import Diagnosis
+from ..mismatch.folder import diagnose_folder, recordings_in
+from ..mismatch.report import sentence
+from ..mismatch.results import PAGE, REPORT, SHIP, Options, diagnose_files, write_results
+from ..plant import Ship, load_ship
+from ..plant.sweep import check_backend
+from .console import Backend, clear_errors, console, print_table, progress, stages
+
+
+def diagnose(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Recordings (CSV or Parquet) of one condition of the ship, diagnosed together; "
+            "or one FOLDER, each of whose recordings is diagnosed for itself.",
+            metavar="RECORDING... | FOLDER",
+            show_default=False,
+        ),
+    ],
+    ship: Annotated[
+        str,
+        typer.Option(
+            help="The ship as you believe it to be: a preset (see `shaftline list`) or a .toml file.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the report and the corrected ship.", show_default=False)
+    ],
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            help="Column map MAP.toml, for recordings with other names, units or signs.",
+            show_default=False,
+        ),
+    ] = None,
+    hold_out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Recording that is only judged on, never fitted; repeatable.",
+            show_default="a quarter of the longest recording",
+        ),
+    ] = None,
+    exclude: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Id of an effect that cannot be the reason (see `shaftline list`); repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="Factor on how far the ship's numbers may be off before it counts as physics; "
+            "2 for a ship file that was guessed.",
+        ),
+    ] = 1.0,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="FOLDER only: processes on this machine.", show_default="one a core"
+        ),
+    ] = None,
+    backend: Annotated[
+        Backend, typer.Option(help="FOLDER only: here, or on a dask cluster.")
+    ] = Backend.PROCESSES,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of the dask cluster, such as tcp://10.0.0.1:8786.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Find where a recording and the simulation differ, and what physics was left out.
+
+    The recording's orders drive the simulated ship. What the ship then does otherwise than it was
+    measured is looked at balance by balance (engine, propeller, hull, pitch actuator, instruments),
+    compared with a catalogue of effects, fitted, and judged on a part that was set aside before
+    anything was fitted. There are three honest verdicts, and each ends with exit code 0:
+
+    - **explained**: this effect, of this size, with a 95 % interval, and the names that the recording
+      cannot tell from it;
+
+    - **nothing-missing**: noise and the tolerances of the ship's numbers explain the difference, or
+      the recording is too short or too dull to decide, and the sentence says so;
+
+    - **unexplained**: something is missing that has no name; its size as a function of a signal.
+
+    Written: `report.html` (read this), `report.json` (for programs), `corrected_ship.toml` (the ship
+    with what was found; accepted wherever a ship is). Bad input ends with exit code 2 and a message
+    that names file, column and row; nothing is written then.
+
+    A recording needs `time_s`, `fuel_rack_mm` (or `motor_voltage_V`), `pitch_ratio_command` and
+    `shaft_speed_rad_s`, and tells more with `shaft_torque_N_m`, `ship_speed_m_s`, `pitch_ratio`; see
+    docs/recordings.md. Ten samples a second over 20 minutes with steps of rack and pitch is good.
+
+    A FOLDER's recordings each get a folder in DIR, and `index.html` lists them, worst first. Bad ones
+    are listed with their error and do not stop the rest. What is finished is not done again.
+
+    Examples:
+        shaftline diagnose trial.csv --ship frigate --out out/trial
+
+        shaftline diagnose log.parquet --ship mine.toml --columns logger.toml --out out/log
+
+        shaftline diagnose run1.csv run2.csv --hold-out run3.csv --ship mine.toml --out out/runs
+
+        shaftline diagnose trials/ --ship frigate --out out/trials --jobs 8
+    """
+    with clear_errors():
+        if out.exists() and not out.is_dir():
+            raise ValueError(f"--out {out}: is a file; a folder is needed")
+        vessel = load_ship(ship)
+        options = Options(columns, tuple(exclude or ()), tolerance)
+        options.check(vessel)
+        folders = [path for path in recordings if path.is_dir()]
+        if folders:
+            if len(recordings) > 1 or hold_out:
+                raise ValueError(
+                    f"{folders[0]}: a folder stands alone, without other recordings or --hold-out"
+                )
+            check_backend(jobs, backend, scheduler)
+            _folder(folders[0], vessel, out, options, jobs, backend, scheduler)
+            return
+        if jobs is not None or scheduler is not None or backend is not Backend.PROCESSES:
+            raise ValueError("--jobs, --backend and --scheduler spread a FOLDER of recordings")
+        with stages("diagnosing") as tick:
+            diagnosis = diagnose_files(vessel, recordings, hold_out or (), options, tick)
+            tick("writing the report", 0, 1)
+            write_results(diagnosis, out)
+        _print(diagnosis)
+        _say(f"report: {out / PAGE}   data: {out / REPORT}   corrected ship: {out / SHIP}")
+
+
+def _say(text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _print(diagnosis: Diagnosis) -> None:
+    """The answer, the findings with their intervals, and the fit on what was set aside."""
+    _say(f"{diagnosis.verdict}: {sentence(diagnosis)}\n")
+    if diagnosis.findings:
+        print_table(_findings(diagnosis), "What is missing (evidence in 2 log L)")
+    held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
+    fit = pd.DataFrame(
+        {
+            "channel": list(diagnosis.fit_before),
+            "before": list(diagnosis.fit_before.values()),
+            "after": list(diagnosis.fit_after.values()),
+        }
+    )
+    print_table(fit, "FitPercent, 100 is perfect", digits=1)
+    _say(f"judged on {held}, which was set aside before anything was fitted")
+    for note in (*diagnosis.limits, *diagnosis.warnings):
+        _say(f"note: {note}")
+
+
+def _findings(diagnosis: Diagnosis) -> pd.DataFrame:
+    rows = []
+    for finding in diagnosis.findings:
+        effect = finding.effect
+        others = [c.effect.label for c in finding.rivals if c.effect.label != effect.label]
+        triples = zip(effect.parameters, finding.placed.values, finding.intervals, strict=True)
+        for i, (parameter, value, (low, high)) in enumerate(triples):
+            first = i == 0
+            rows.append(
+                {
+                    "effect": effect.id if first else "",
+                    "balance": effect.balance if first else "",
+                    "parameter": parameter.name,
+                    "value": f"{value:.4g}",
+                    "95 % from": f"{low:.4g}",
+                    "to": f"{high:.4g}",
+                    "unit": bounds(parameter, diagnosis.ship)[3],
+                    "evidence": f"{finding.score:.1f}" if first else "",
+                    "threshold": f"{finding.threshold:.1f}" if first else "",
+                    "or equally": ", ".join(others) if first else "",
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def _folder(
+    folder: Path,
+    ship: Ship,
+    out: Path,
+    options: Options,
+    jobs: int | None,
+    backend: str,
+    scheduler: str | None,
+) -> None:
+    with progress("diagnosing", len(recordings_in(folder))) as tick:
+        index = diagnose_folder(
+            folder, ship, out, options, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
+        )
+    good, bad = index[index["error"] == ""], index[index["error"] != ""]
+    if len(good):
+        shown = ["recording", "date", "verdict", "balances", "found", "fit_before", "fit_after"]
+        print_table(good[shown], f"{ship.name}: worst first; FitPercent on what was set aside", 1)
+    for row in bad.to_dict("records"):
+        _say(f"could not be diagnosed: {row['error']}")
+    _say(f"index: {out / 'index.html'}   table: {out / 'index.csv'}")
+    if not len(good):
+        raise ValueError(f"{folder}: none of its {len(bad)} recordings could be diagnosed")

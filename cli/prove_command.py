@@ -1,0 +1,138 @@
+"""``shaftline prove``."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.util
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ..mismatch.results import Options, diagnose_files, write_results
+from ..plant import load_ship
+from ..plant.files import write_json, write_text
+from ..plant.sweep import source_digest, sweep
+from ..studies.prove import Diagnose, case_folder, run_case, scores, write_page
+from ..studies.reality import plain, sindy
+from ..studies.reality.cases import draw_case, sealed
+from ..studies.reality.recording import make
+from .console import clear_errors, console, print_table, progress
+
+
+def prove(
+    cases: Annotated[int, typer.Option(min=1, help="How many concealed cases.")] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Decides every case.")] = 1,
+    out: Annotated[
+        Path, typer.Option(help="Folder for the cases, the page and its tables.")
+    ] = Path("out/prove"),
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Processes on this machine.", show_default="one a core"),
+    ] = None,
+    with_sindy: Annotated[
+        bool,
+        typer.Option("--sindy", help="Also PySINDy beside it (`pip install 'shaftline[sindy]'`)."),
+    ] = False,
+    reports: Annotated[
+        bool, typer.Option("--reports", help="Also write each case's report.html.")
+    ] = False,
+) -> None:
+    """Prove the diagnosis on recordings in which an effect is concealed.
+
+    The recordings come from a second ship that shares no code with the one that the tool simulates:
+    its own formulas, integrated by scipy, with effects in other forms than the catalogue's (Stribeck
+    friction where that has Coulomb's, a second-order lag where it has a first-order one). The seed
+    draws effect, strength, programme, instruments, noise and sea. Two cases in five
+    conceal nothing, something the catalogue does not have, or something that the recording cannot
+    show.
+
+    What each case conceals is written down, hashed, and the hash (its *seal*) printed before the tool
+    sees any recording. Then each is diagnosed from the recording alone, opened and scored, beside a
+    stepwise regression by the Bayesian information criterion, which is the plain way to do it.
+
+    Written: `proof.md` with every figure beside its target, its tables as CSV, and a folder a case
+    with recording, seal, reports, truth and score. Finished cases are kept: a proof that was
+    interrupted goes on where it stopped, and a larger N adds cases.
+
+    Examples:
+        shaftline prove --cases 20 --seed 1 --out out/prove
+
+        shaftline prove --cases 200 --seed 7 --sindy --out out/prove-7
+    """
+    with clear_errors():
+        beside: dict[str, Diagnose] = {"stepwise-bic": plain.diagnose}
+        if with_sindy:
+            if importlib.util.find_spec("pysindy") is None:
+                raise ValueError("--sindy: needs an extra, `pip install 'shaftline[sindy]'`")
+            beside["pysindy"] = sindy.diagnose
+        _same_proof(out, seed, list(beside))
+        names = {f"{seed}-{i:04d}": (seed, i) for i in range(cases)}
+        with progress("sealing", cases) as tick:
+            work = functools.partial(_seal, out)
+            seals = sweep(work, names, out / "cells" / "seals", jobs=jobs, tick=tick)
+        lines = [f"case {name}  sealed {seal}" for name, seal in seals.items()]
+        _say("\n".join(lines))
+        whole = hashlib.sha256("\n".join(lines).encode()).hexdigest()
+        _say(f"all {cases} cases sealed, before any is diagnosed: {whole}\n")
+        write_text(out / "seals.txt", "\n".join(lines) + "\n")
+        with progress("diagnosing", cases) as tick:
+            run = functools.partial(_run, out, beside, reports)
+            sweep(run, names, out / "cells" / "scores", jobs=jobs, tick=tick)
+        tables = scores(out)
+        finished = len(list(out.glob("case-*/score.json")))
+        more = " --sindy" if with_sindy else ""
+        page = write_page(tables, out, f"shaftline prove --cases {finished} --seed {seed}{more}")
+        print_table(tables["summary"], f"{finished} cases of seed {seed}", digits=3)
+        _say(f"page: {page}   cases: {out / 'case-*'}")
+
+
+def _say(text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _same_proof(out: Path, seed: int, beside: list[str]) -> None:
+    """Refuse to mix cases of two seeds, of two sets of tools or of two versions of them."""
+    note = out / "cells" / "proof.json"
+    mine = {
+        "seed": seed,
+        "beside": beside,
+        "version": source_digest("plant", "mismatch", "studies/reality", "studies/prove.py"),
+    }
+    if note.is_file():
+        kept = json.loads(note.read_text(encoding="utf-8"))
+        for key, value in mine.items():
+            if kept.get(key) != value:
+                raise ValueError(
+                    f"{out}: holds a proof of another {key} ({kept.get(key)}, now {value}); "
+                    "remove it or give another --out"
+                )
+    elif any(out.glob("case-*")):
+        raise ValueError(f"{out}: holds cases that this command did not make; give another --out")
+    write_json(note, mine)
+
+
+def _seal(out: Path, cell: tuple[int, int]) -> str:
+    """Make a case's truth, and leave its seal where the diagnosis will look for it."""
+    case = draw_case(*cell)
+    seal = sealed(make(case).truth)
+    write_text(case_folder(out, case) / "sealed.sha256", seal + "\n")
+    return seal
+
+
+def _run(
+    out: Path, beside: dict[str, Diagnose], reports: bool, cell: tuple[int, int]
+) -> list[dict[str, Any]]:
+    """Diagnose, open and score a case, whose truth must still be the one that was sealed."""
+    tool = functools.partial(_tool, reports)
+    return run_case(draw_case(*cell), out, tool, beside)
+
+
+def _tool(
+    page: bool, recording: Path, ship: str, folder: Path, exclude: tuple[str, ...]
+) -> dict[str, Any]:
+    """The tool under test: what ``shaftline diagnose`` does with the recording alone."""
+    diagnosis = diagnose_files(load_ship(ship), [recording], options=Options(exclude=exclude))
+    return write_results(diagnosis, folder, page)

@@ -1,0 +1,202 @@
+"""A folder of recordings, each diagnosed for itself, and the index of what was found where."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import re
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..plant.files import write_text
+from ..plant.recording import read_table
+from ..plant.ship import Ship
+from ..plant.sweep import source_digest, sweep
+from .columns import DATE_TIME, load_map
+from .index import row_of, sorted_index, write_index
+from .results import PAGE, REPORT, SHIP, Options, diagnose_files, write_results
+
+ENDINGS = (".csv", ".parquet", ".pq")
+
+_DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """A recording on its way to a worker; its content and map travel along where no disk is shared."""
+
+    path: Path
+    content: bytes | None = None
+    columns: str | None = None
+
+
+def recordings_in(folder: Path) -> dict[str, Path]:
+    """The recordings that stand in a folder, by the name of their results' folder.
+
+    Raises:
+        ValueError: there is none.
+    """
+    files = sorted(f for f in folder.iterdir() if f.is_file() and f.suffix.lower() in ENDINGS)
+    files = [file for file in files if not file.name.startswith(".")]
+    if not files:
+        raise ValueError(f"{folder}: holds no recording ({', '.join(ENDINGS)})")
+    stems = [file.stem for file in files]
+    return {f.stem if stems.count(f.stem) == 1 else f.name: f for f in files}
+
+
+def diagnose_folder(
+    folder: Path,
+    ship: Ship,
+    out: Path,
+    options: Options = Options(),  # noqa: B008 (immutable)
+    *,
+    jobs: int | None = None,
+    backend: str = "processes",
+    scheduler: str | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> pd.DataFrame:
+    """Diagnose every recording in a folder and write an index of what was found.
+
+    A recording that cannot be used is listed with its error and does not stop the rest. What is
+    finished is kept in ``out/cells`` under a name that changes with the file's content, the ship, the
+    options and this package, so an interrupted run goes on where it stopped.
+
+    Args:
+        folder: CSV and Parquet files; folders within are left alone.
+        ship: the nominal ship of all.
+        out: gets a folder a recording, ``index.html`` and ``index.csv``.
+        options: column map, ids to leave out, tolerance.
+        jobs: see :func:`shaftline.plant.sweep.sweep`, as for the backend and the scheduler.
+        backend: ``processes`` or ``dask``.
+        scheduler: address of a dask scheduler.
+        tick: called after each recording.
+
+    Returns:
+        The index, one row a recording, worst first; columns as in ``index.csv``.
+
+    Raises:
+        ValueError: no recording in the folder, or ``out`` is the same folder.
+        SweepError: a backend that is not there, or a recording on which the tool itself failed; the
+            index is written all the same.
+    """
+    options.check(ship)
+    if out.resolve() == folder.resolve():
+        raise ValueError(f"{out}: results need another folder than the recordings")
+    if options.columns is not None:
+        load_map(options.columns)
+    files = recordings_in(folder)
+    names = {place: _name(place, path, ship, options) for place, path in files.items()}
+    travels = backend == "dask"
+    cells = {names[place]: _cell(path, options, travels) for place, path in files.items()}
+    waiting = dict(names)
+    rows: dict[str, dict[str, Any]] = {}
+
+    def lay_out() -> None:
+        for place, name in list(waiting.items()):
+            kept = out / "cells" / f"{name}.json"
+            if kept.is_file():
+                result = json.loads(kept.read_text(encoding="utf-8"))
+                rows[place] = _laid_out(place, files[place], result, out)
+                del waiting[place]
+
+    def arrived() -> None:
+        lay_out()
+        tick()
+
+    work = functools.partial(_work, ship, options)
+    try:
+        sweep(
+            work, cells, out / "cells",
+            jobs=jobs, backend=backend, scheduler=scheduler, tick=arrived,
+        )  # fmt: skip
+    finally:
+        lay_out()
+        for place, name in waiting.items():
+            note = out / "cells" / f"{name}.error.txt"
+            why = f"the tool failed, see cells/{note.name}" if note.is_file() else "not finished"
+            rows[place] = row_of(place, files[place].name, _date(files[place], None), error=why)
+        if (out / "cells").is_dir():
+            write_index(rows.values(), out)
+    return sorted_index(rows.values())
+
+
+def _name(place: str, path: Path, ship: Ship, options: Options) -> str:
+    """File name of a cell; differs where the recording, the ship, an option or the tool differs."""
+    digest = hashlib.sha256(path.read_bytes())
+    said = [repr(ship), repr(sorted(options.exclude)), repr(options.tolerance)]
+    if options.columns is not None:
+        said.append(options.columns.read_text(encoding="utf-8"))
+    for text in (*said, source_digest("plant", "mismatch")):
+        digest.update(text.encode() + b"\0")
+    plain = "".join(c if c.isalnum() or c in "-._" else "-" for c in place)
+    return f"{plain}_{digest.hexdigest()[:12]}"
+
+
+def _cell(path: Path, options: Options, travels: bool) -> _Cell:
+    if not travels:
+        return _Cell(path)
+    columns = options.columns.read_text(encoding="utf-8") if options.columns else None
+    return _Cell(path, path.read_bytes(), columns)
+
+
+def _work(ship: Ship, options: Options, cell: _Cell) -> dict[str, Any]:
+    """The files of a diagnosis as text, or the error of a recording that cannot be used."""
+    with tempfile.TemporaryDirectory() as name:
+        place, path = Path(name), cell.path
+        if cell.content is not None:
+            path = place / cell.path.name
+            path.write_bytes(cell.content)
+        if cell.columns is not None:
+            options = replace(options, columns=place / "map.toml")
+            (place / "map.toml").write_text(cell.columns, encoding="utf-8")
+        try:
+            diagnosis = diagnose_files(ship, [path], options=options)
+        except (ValueError, OSError) as error:  # written for the reader
+            return {"error": str(error).replace(str(path), path.name)}
+        write_results(diagnosis, place / "results")
+        return {
+            "date": _first_date(path, options),
+            "files": {f.name: f.read_text("utf-8") for f in (place / "results").iterdir()},
+        }
+
+
+def _laid_out(place: str, path: Path, result: Mapping[str, Any], out: Path) -> dict[str, Any]:
+    """Put a finished recording's files into its folder; gives its row of the index."""
+    day = _date(path, result.get("date"))
+    if "error" in result:
+        for name in (REPORT, PAGE, SHIP):  # of the recording as it was
+            (out / place / name).unlink(missing_ok=True)
+        return row_of(place, path.name, day, error=result["error"])
+    for name, text in result["files"].items():
+        write_text(out / place / name, text)
+    return row_of(place, path.name, day, report=json.loads(result["files"][REPORT]))
+
+
+def _first_date(path: Path, options: Options) -> str | None:
+    """Date of the first time stamp, where the recording has dates."""
+    if options.columns is None:
+        return None
+    sources = load_map(options.columns).columns.items()
+    stamps = next((name for name, source in sources if source.unit == DATE_TIME), None)
+    if stamps is None:
+        return None
+    return str(pd.to_datetime(read_table(path)[stamps].iloc[0], utc=True).date())
+
+
+def _date(path: Path, stamped: str | None) -> str:
+    """When it was recorded: by the first time stamp, else the file's name, else the file's own date."""
+    if stamped is not None:
+        return stamped
+    if (found := _DATE.search(path.stem)) is not None:
+        try:
+            return date(*map(int, found.groups())).isoformat()
+        except ValueError:  # digits that are no date
+            pass
+    return str(datetime.fromtimestamp(path.stat().st_mtime, UTC).date())

@@ -1,0 +1,244 @@
+"""``report.html``: a diagnosis as one page that needs nothing else, its figures drawn into it."""
+
+from __future__ import annotations
+
+import functools
+import importlib.resources
+import math
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup
+
+from ..plant.ship import Ship, ShipError, key_info
+from . import figures, regimes
+from .catalogue import bounds, catalogue
+from .diagnosis import EXPLAINED, NOTHING, Diagnosis
+from .panels import channel_name, equation, scaled, superscript
+from .report import sentence
+from .wording import breakable, effect_words, measure, number, parameter_words, remarks, span, spans
+
+_ABSENT = "absent"
+
+_WORDS = {
+    "explained": "explained",
+    "nothing-missing": "nothing missing",
+    "unexplained": "unexplained",
+    "undecided": "cannot be decided",
+}
+
+
+def report_html(diagnosis: Diagnosis) -> str:
+    """The page, self-contained: styles, equations and figures stand in it."""
+    status = _status(diagnosis)
+    drawn = {
+        "traces": figures.traces(diagnosis),
+        "residuals": figures.residuals(diagnosis),
+        "regimes": regimes.regimes(diagnosis),
+        "spectra": figures.spectra(diagnosis),
+        "ranking": figures.ranking(diagnosis),
+        "shape": regimes.shape_panel(diagnosis),
+    }
+    return _template().render(
+        d=diagnosis,
+        status=status,
+        verdict=_WORDS[status],
+        sentence=sentence(diagnosis),
+        changed=figures.changed(diagnosis),
+        facts=_facts(diagnosis),
+        fits=_fits(diagnosis),
+        findings=[_finding(diagnosis, i) for i in range(len(diagnosis.findings))],
+        shape=_shape(diagnosis),
+        located=[diagnosis.balances[row][0] for row in regimes.located_rows(diagnosis)[:2]],
+        figures={key: [Markup(panel) for panel in panels] for key, panels in drawn.items()},
+        shown=min(figures.RANKED, len(diagnosis.ranking)),
+        detectable=_detectable(diagnosis),
+        untold=_untold(diagnosis),
+        remarks=remarks(diagnosis),
+        keys=_changed_keys(diagnosis),
+        version=version("shaftline"),
+    )
+
+
+@functools.cache
+def _template() -> Template:
+    text = (
+        importlib.resources.files("shaftline.mismatch")
+        .joinpath("report.html.j2")
+        .read_text("utf-8")
+    )
+    return Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    ).from_string(text)
+
+
+def _status(diagnosis: Diagnosis) -> str:
+    """The verdict, or ``undecided`` where the recording's limits stand in its way."""
+    undecided = diagnosis.verdict == NOTHING or not diagnosis.excited
+    if diagnosis.limits and diagnosis.verdict != EXPLAINED and undecided:
+        return "undecided"
+    return diagnosis.verdict
+
+
+def _finding(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
+    finding, ship = diagnosis.findings[place], diagnosis.ship
+    effect, placed = finding.effect, finding.placed
+    rows = []
+    for parameter, value, (low, high) in zip(
+        effect.parameters, placed.values, finding.intervals, strict=True
+    ):
+        unit = bounds(parameter, ship)[3]
+        factor, shown = scaled(abs(value), unit)
+        rows.append(
+            {
+                "name": parameter_words(parameter.name, unit),
+                "key": breakable(parameter.key),
+                "value": number(value / factor),
+                "interval": f"{number(low / factor)} … {number(high / factor)}",
+                "unit": shown or "–",
+            }
+        )
+    rivals = [_rival(c.placed, ship) for c in finding.rivals]
+    return {
+        "name": effect_words(effect),
+        "effect": effect,
+        "place": place + 1,
+        "equation": Markup(equation(effect.latex, effect.equation, f"e{place}")),
+        "parameters": rows,
+        "rivals": rivals,
+        "score": number(finding.score),
+        "threshold": number(finding.threshold),
+        "when": spans(finding.windows, float(diagnosis.time_s[-1])),
+        "regime": finding.regime.replace("_", " "),
+    }
+
+
+def _rival(placed: Any, ship: Ship) -> str:
+    """A name that does as well, with its value."""
+    parameter = placed.effect.parameters[0]
+    unit = bounds(parameter, ship)[3]
+    words = parameter_words(parameter.name, unit)
+    return f"{placed.effect.label} with {words} {measure(placed.values[0], unit)}"
+
+
+def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    time, held = diagnosis.time_s, diagnosis.held_out
+    duration, step = float(time[-1]), figures.interval(diagnosis)
+    minutes = f" ({duration / 60.0:.0f} min)" if duration >= 120.0 else ""
+    facts = [
+        ("Ship", diagnosis.ship.name),
+        ("Recording", f"{duration:.0f} s{minutes}, {len(time)} rows, one every {step:.3g} s"),
+        ("Set aside, never fitted", ", ".join(span(a, b) for a, b in held)),
+        ("Balances checked", ", ".join(name for name, _ in diagnosis.balances)),
+        ("Effects tried", f"{len(diagnosis.ranking)} of {len(catalogue())} in the catalogue"),
+    ]
+    if diagnosis.findings:
+        share = f"{100.0 * diagnosis.explained:.0f} % of the slow difference beyond noise"
+        facts.append(("Explained", share))
+        gain = f"{number(diagnosis.held_out_gain)} in 2 log L"
+        facts.append(("Gain on what was set aside", gain))
+    return facts
+
+
+def _fits(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """FitPercent by channel, with the widths of its bars."""
+
+    def width(value: float) -> str:
+        return f"{min(max(value, 0.0), 100.0):.1f}" if math.isfinite(value) else "0"
+
+    def percent(value: float) -> str:
+        text = f"{value:.{1 if abs(value) < 200.0 else 0}f}"
+        return "0.0" if text == "-0.0" else text.replace("-", "−")
+
+    return [
+        {
+            "name": channel_name(column)[0],
+            "before": percent(before),
+            "after": percent(diagnosis.fit_after[column]),
+            "wide_before": width(before),
+            "wide_after": width(diagnosis.fit_after[column]),
+        }
+        for column, before in diagnosis.fit_before.items()
+    ]
+
+
+def _shape(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    shape = diagnosis.shape
+    if shape is None:
+        return None
+    factor, unit = scaled(float(np.abs(shape.values).max()), shape.unit)
+    return {
+        "signal": shape.signal.replace("_", " "),
+        "unit": unit,
+        "rows": [
+            (number(float(x)), number(float(y) / factor))
+            for x, y in zip(shape.knots, shape.values, strict=True)
+        ],
+        "gain": number(shape.gain),
+        "threshold": number(shape.threshold),
+        "windows": spans(diagnosis.shape_windows, float(diagnosis.time_s[-1])),
+        "regime": diagnosis.shape_regime.replace("_", " "),
+    }
+
+
+def _detectable(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    return [
+        {
+            "effect": effect_words(item.effect),
+            "balance": item.effect.balance,
+            "parameter": parameter_words(item.effect.parameters[0].name, item.unit),
+            "size": measure(item.value, item.unit),
+            "needs": item.effect.excitation,
+        }
+        for item in sorted(
+            diagnosis.detectable, key=lambda item: (item.effect.balance, item.effect.id)
+        )
+    ]
+
+
+def _untold(diagnosis: Diagnosis) -> dict[str, list[str]]:
+    """Entries of the catalogue without a smallest size: not tried at all, or not of one number."""
+    tried = {c.effect.label for c, _ in diagnosis.ranking}
+    sized = {item.effect.label for item in diagnosis.detectable}
+    labels = [effect.label for effect in catalogue()]
+    return {
+        "untried": [x for x in labels if x not in tried],
+        "unsized": [x for x in labels if x in tried and x not in sized],
+    }
+
+
+def _changed_keys(diagnosis: Diagnosis) -> list[tuple[Markup, str, str]]:
+    """Keys of the ship's file that differ: key, nominal and corrected value."""
+    old, new = (_flat(s.model_dump()) for s in (diagnosis.ship, diagnosis.corrected))
+    return [
+        (
+            breakable(key),
+            _value(old.get(key), key, diagnosis.ship),
+            _value(value, key, diagnosis.ship),
+        )
+        for key, value in new.items()
+        if value != old.get(key)
+    ]
+
+
+def _flat(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in tree.items():
+        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
+    return found
+
+
+def _value(value: Any, key: str, ship: Ship) -> str:
+    if value is None:
+        return _ABSENT
+    if isinstance(value, list | tuple):
+        return ", ".join(_value(item, "", ship) for item in value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    try:
+        unit = key_info(key, ship).unit if key else "-"
+    except (ShipError, KeyError, ValueError):
+        unit = "-"
+    return f"{number(float(value), 5)} {superscript(unit)}".strip()

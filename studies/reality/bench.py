@@ -1,0 +1,200 @@
+"""A direct-current thruster on a bench: hull fixed, propeller at bollard pull, demand in volts.
+
+The motor's own inductance is left out; shaft, flow through the propeller and warm winding are states.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+import pandas as pd
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from .numbers import EFFECTS, Numbers
+
+Floats = NDArray[np.float64]
+PROGRAMMES = ("steps", "staircase", "sines", "reversals")
+CALM_PROGRAMME = "steady"
+
+SHIP_FILE = """\
+# A small electric thruster on a bench, assumed: the size of a work-class underwater vehicle's.
+name = "bench-thruster"
+description = "direct-current thruster at bollard pull"
+
+[water]
+density_kg_m3 = 1000.0
+
+[hull]
+fixed = true
+
+[propeller]
+model = "bollard"
+diameter_m = 0.20
+thrust_coefficient = 0.40
+torque_coefficient = 0.050
+pitch_ratio_min = 1.0
+pitch_ratio_max = 1.0
+depth_m = 1.0
+
+[prime_mover]
+type = "dc-motor"
+motor_constant_V_s_rad = 0.12
+armature_resistance_ohm = 0.6
+voltage_max_V = 48.0
+
+[transmission]
+gear_ratio = 3.0
+efficiency = 1.0
+inertia_engine_side_kg_m2 = 0.060
+inertia_propeller_side_kg_m2 = 0.010
+coulomb_friction_engine_side_N_m = 0.05
+
+[integration]
+time_step_s = 0.01
+"""
+
+
+def bench_numbers(**changes: float) -> Numbers:
+    """The thruster's numbers; ``changes`` are factors as for the frigate."""
+    numbers = {
+        "density": 1000.0, "diameter": 0.20, "kt": 0.40, "kq": 0.050, "constant": 0.12,
+        "ohm": 0.6, "volt_high": 48.0, "gear": 3.0, "inertia": 0.070, "rub": 0.05,
+    }  # fmt: skip
+    for name, factor in changes.items():
+        numbers[name] *= factor
+    return numbers | EFFECTS
+
+
+THRUSTER = np.dtype([(name, np.float64) for name in bench_numbers()], align=True)
+compiled = numba.njit(cache=True, error_model="numpy")
+
+
+def voltage_programme(kind: str, seconds: float, period: float, rng: Generator) -> Floats:
+    """Voltage demand [V], one a sample; ``kind`` from ``PROGRAMMES`` or ``"steady"``."""
+    count = round(seconds / period) + 1
+    time: Floats = np.arange(count, dtype=np.float64) * period
+    if kind == CALM_PROGRAMME:
+        touched = np.cumsum(rng.random(count) < period / 100.0) % 3
+        return np.asarray(rng.uniform(12.0, 26.0) + 0.1 * touched, dtype=np.float64)
+    if kind == "sines":
+        tones = zip((rng.uniform(20, 60), rng.uniform(5, 15), rng.uniform(2, 4)), (18.0, 7.0, 3.0),
+                    strict=True)  # fmt: skip
+        waves = sum(a * np.sin(2.0 * math.pi * time / p + rng.uniform(0, 6.28)) for p, a in tones)
+        return np.asarray(waves + rng.uniform(-3.0, 12.0))
+    edges = np.cumsum(rng.uniform(5.0, 25.0, count // 40 + 20))
+    place = np.searchsorted(edges, time)
+    if kind == "staircase":
+        levels = np.linspace(-36.0, 36.0, 13)
+        index = np.abs((place + 6) % 24 - 12)
+        return np.asarray(levels[index])
+    low = -32.0 if kind == "reversals" else 6.0
+    return np.asarray(rng.uniform(low, 36.0, place.max() + 1)[place])
+
+
+@compiled
+def _motor(volt: float, y: Any, n: Any, rate: Any) -> Any:
+    """Rates of shaft speed, flow and heat; gives the current [A]."""
+    omega = y[0]
+    gap = n.command_gap
+    if gap > 0.0:  # a demand inside the gap passes as nothing, with a soft edge
+        soft = n.command_gap_round * gap
+        beyond = (abs(volt) - gap) / soft
+        passed = max(beyond, 0.0) + math.log1p(math.exp(-abs(beyond)))
+        volt = math.copysign(soft * passed, volt)
+    ohm = n.ohm * (1.0 + n.winding_heat * y[2])
+    back = n.constant * n.gear * omega
+    current = (volt - back) / ohm
+    if n.supply_sag > 0.0:  # the supply gives way softly as the current rises
+        current = current / (1.0 + (n.supply_sag * abs(current) / 20.0) ** 3) ** (1.0 / 3.0)
+    speed = abs(omega)
+    turns = omega / (2.0 * math.pi)
+    drag = n.density * n.diameter**5 * n.kq * turns * abs(turns)
+    rate[1] = 0.0
+    if n.flow_memory > 0.0:  # the water through the propeller follows its speed late
+        rate[1] = (omega - y[1]) / n.flow_memory * (0.3 + abs(y[1]) / 40.0)
+        drag += n.flow_share * n.density * n.diameter**5 * n.kq * abs(turns) * (
+            (omega - y[1]) / (2.0 * math.pi))  # fmt: skip
+    if n.astern_change != 0.0:
+        drag *= 1.0 + n.astern_change * 0.5 * (1.0 - math.tanh(omega / n.astern_width))
+    drag += n.turning_drag * speed**n.turning_power * (1.0 if omega >= 0.0 else -1.0)
+    side = math.tanh(omega / 0.1)
+    rub = n.rub + n.dry_front * (
+        1.0 + n.stribeck_rise * math.exp(-((speed / n.stribeck_speed) ** 2))
+    )
+    rub += n.wet_front * speed**n.wet_power * 30.0 ** (1.0 - n.wet_power)
+    torque = n.constant * n.gear * current
+    torque += n.cogging * math.sin(y[3])
+    rate[0] = (torque - drag - rub * side) / n.inertia
+    rate[2] = ((current / 10.0) ** 2 - y[2]) / n.winding_time
+    rate[3] = 0.05 * omega
+    return current
+
+
+@compiled
+def rates(t: float, y: Any, n: Any, volts: Any, period: float) -> Any:
+    """Time derivative of shaft speed, flow, heat and the cogging's angle.
+
+    Each demand is held over its sample. Small steps of it are drawn out to a line through the samples'
+    middles, which brings the shaft to the same speed at their ends and does not halt the integration.
+    """
+    place = min(max(t / period - 0.5, 0.0), len(volts) - 1.0)
+    k = min(int(place), max(len(volts) - 2, 0))
+    following = volts[min(k + 1, len(volts) - 1)]
+    rate = np.zeros(4)
+    _motor(volts[k] + (place - k) * (following - volts[k]), y, n[0], rate)
+    return rate
+
+
+@compiled
+def _currents(states: Any, n: Any, volts: Any) -> Any:
+    out, rate = np.zeros(len(volts)), np.zeros(4)
+    for k in range(len(volts)):
+        out[k] = _motor(volts[k], states[k], n[0], rate)
+    return out
+
+
+def run_bench(numbers: Numbers, volts: Floats, period: float) -> pd.DataFrame:
+    """Integrate the thruster from the steady state of the first demand; true signals.
+
+    Args:
+        numbers: from :func:`bench_numbers`, with effects.
+        volts: demand [V], one a sample, held over it.
+        period: between samples [s].
+    """
+    record = np.zeros(1, THRUSTER)
+    for name, value in numbers.items():
+        record[name] = value
+    demand = np.clip(volts, -numbers["volt_high"], numbers["volt_high"])
+    times = np.arange(len(volts)) * period
+    still = np.full(2, demand[0])
+    first = solve_ivp(rates, (0.0, 60.0), np.zeros(4), "LSODA", args=(record, still, 60.0))
+    state = first.y[:, -1]
+    state[2:] = 0.0
+    states = np.empty((len(times), 4))
+    edges = np.flatnonzero(np.abs(np.diff(demand)) > 2.0) + 1
+    for begin, end in zip([0, *edges], [*edges, len(times) - 1], strict=True):
+        if begin == end:
+            continue
+        part = solve_ivp(
+            rates, (0.0, (end - begin) * period), state, method="RK45", rtol=1e-5, atol=1e-5,
+            t_eval=np.arange(end - begin + 1) * period,
+            args=(record, demand[begin:end], period),
+        )  # fmt: skip
+        states[begin:end] = part.y.T[:-1]
+        state = states[end] = part.y[:, -1]
+    turns = states[:, 0] / (2.0 * math.pi)
+    thrust = numbers["density"] * numbers["diameter"] ** 4 * numbers["kt"] * turns * np.abs(turns)
+    return pd.DataFrame(
+        {
+            "time_s": times,
+            "motor_voltage_V": volts,
+            "shaft_speed_rad_s": states[:, 0],
+            "motor_current_A": _currents(states, record, demand),
+            "thrust_N": thrust,
+        }
+    )

@@ -1,0 +1,138 @@
+"""One voyage of the true ship: demands and waves in, true signals out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from .actuators import pitch_travel, rack_travel
+from .motion import CLOCK, STATES, TOLERANCE, rates, signals
+from .numbers import Numbers, frozen
+from .water import Waves, calm
+
+Floats = NDArray[np.float64]
+FINE = 5  # steps of the clock's table within a sample
+SETTLING = 1500.0  # s of the first demands before the record begins
+JUMP = 0.3  # mm of rack; the integration stops and starts anew there
+
+
+def episode_factor(numbers: Numbers, time: Floats, seconds: float) -> Floats:
+    """Added share of the resistance with its ramped edges."""
+    edge = numbers["episode_edge"]
+    rise = np.clip((time - numbers["episode_start"] * seconds) / edge + 0.5, 0.0, 1.0)
+    fall = np.clip((time - numbers["episode_end"] * seconds) / edge + 0.5, 0.0, 1.0)
+    return np.asarray(numbers["episode_gain"] * (rise - fall))
+
+
+def current_over(numbers: Numbers, time: Floats) -> Floats:
+    """Current along the track [m/s]."""
+    angle = 2.0 * math.pi * time / numbers["current_period"] + numbers["current_phase"]
+    return np.asarray(numbers["current"] * (1.0 + numbers["current_swing"] * np.sin(angle)))
+
+
+def _clock_table(
+    numbers: Numbers, rack: Floats, pitch: Floats, period: float, wind_seed: int
+) -> Floats:
+    step = period / FINE
+    time: Floats = np.arange((len(rack) - 1) * FINE + 1, dtype=np.float64) * step
+    seconds = float(time[-1])
+    held = np.minimum(np.arange(len(time)) // FINE, len(rack) - 1)
+    table = np.zeros((len(time), len(CLOCK)))
+    table[:, 0] = rack_travel(rack[held], numbers, step)
+    table[:, 1] = pitch_travel(pitch[held], numbers, step)
+    gust = np.random.default_rng(wind_seed).uniform(0.0, 2.0 * math.pi, 4)
+    wind = sum(
+        np.sin(2.0 * math.pi * time / p + g)
+        for p, g in zip((900, 410, 233, 137), gust, strict=True)
+    )
+    rudder = np.sin(2.0 * math.pi * time / numbers["rudder_period"]) ** 2
+    busy = np.sin(2.0 * math.pi * time / 613.0 + 1.0) > -0.3
+    table[:, 2] = (
+        1.0
+        + episode_factor(numbers, time, seconds)
+        + numbers["wind"] * wind / math.sqrt(2.0)
+        + numbers["rudder"] * rudder * busy
+    )
+    table[:, 3] = current_over(numbers, time)
+    start, end = numbers["generator_start"] * seconds, numbers["generator_end"] * seconds
+    table[:, 4] = numbers["generator_torque"] * ((time > start) & (time < end))
+    blown = (time / numbers["bubbles_period"]) % 1.0 < numbers["bubbles_share"]
+    table[:, 5] = numbers["bubbles"] * blown
+    return table
+
+
+def _first_states(ship: NDArray[Any], numbers: Numbers, table: Floats) -> Floats:
+    """States after a long time at the first demands, in calm water."""
+    held = np.vstack([table[0], table[0]])
+    held[:, 2] = 1.0
+    held[:, 4:] = 0.0
+    start = np.zeros(STATES)
+    start[0] = 9.0
+    start[1] = 7.0 + held[0, 3]
+    if numbers["lag_time"] > 0.0:
+        start[3] = 2e4
+    start[5] = 6.0
+    whole = solve_ivp(
+        rates, (0.0, SETTLING), start, method="LSODA", rtol=1e-7, atol=TOLERANCE,
+        args=(ship, calm(), held, SETTLING),
+    )  # fmt: skip
+    settled = np.asarray(whole.y[:, -1])
+    settled[[2, 6, 7]] = 0.0  # at the origin, no air, the bearing cold
+    return settled
+
+
+def sail(
+    numbers: Numbers, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
+    wind_seed: int = 0,
+) -> pd.DataFrame:  # fmt: skip
+    """Integrate the true ship.
+
+    Args:
+        numbers: of the true ship.
+        rack: demand [mm], one a sample, held over it.
+        pitch: commanded pitch ratio likewise.
+        period: between samples [s].
+        waves: from :func:`~.water.head_sea`; calm by default.
+        wind_seed: of the slow wandering of the resistance.
+
+    Returns:
+        True signals at the samples, by the canonical columns of a recording.
+    """
+    waves = calm() if waves is None else waves
+    ship = frozen(numbers)
+    table = _clock_table(numbers, rack, pitch, period, wind_seed)
+    step = period / FINE
+    times: Floats = np.arange(len(rack), dtype=np.float64) * period
+    state = _first_states(ship, numbers, table)
+    states = np.empty((len(times), STATES))
+    longest = 0.5 if len(waves) else 2.0  # s
+    jumps = np.flatnonzero(np.abs(np.diff(table[::FINE, 0])) > JUMP) + 1
+    for first, last in zip([0, *jumps], [*jumps, len(times) - 1], strict=True):
+        if first == last:
+            continue
+        span = float(times[first]), float(times[last]) - 1e-6
+        solution = solve_ivp(
+            rates, span, state, method="RK45", rtol=1e-5, atol=TOLERANCE, max_step=longest,
+            t_eval=np.append(times[first:last], span[1]), args=(ship, waves, table, step),
+        )  # fmt: skip
+        states[first:last] = solution.y.T[:-1]
+        state = states[last] = solution.y[:, -1]
+    outs = signals(times, states, ship, waves, table, step)
+    return pd.DataFrame(
+        {
+            "time_s": times,
+            "fuel_rack_mm": rack,
+            "pitch_ratio_command": pitch,
+            "pitch_ratio": table[::FINE, 1],
+            "shaft_speed_rad_s": states[:, 0],
+            "shaft_torque_N_m": outs[:, 0],
+            "ship_speed_m_s": states[:, 1],
+            "thrust_N": outs[:, 1],
+            "propeller_submergence_m": outs[:, 2],
+        }
+    )

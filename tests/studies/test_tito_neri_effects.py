@@ -1,0 +1,42 @@
+"""The catalogue on Tito Neri's five steady states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.plant import load_ship
+from shaftline.studies import tito_neri, tito_neri_effects
+
+
+def test_errors_are_those_of_the_settled_simulation() -> None:
+    points = tito_neri.operating_points().query("model == 'tito-neri-sine'")
+    found = tito_neri_effects.errors(load_ship("tito-neri-sine"))
+    assert found[:, 0] == pytest.approx(points["speed_error_percent"].to_numpy(), abs=1e-3)
+    assert found[:, 1] == pytest.approx(points["current_error_percent"].to_numpy(), abs=1e-3)
+
+
+def test_a_dead_zone_brings_the_sine_set_nearer() -> None:
+    ship = load_ship("tito-neri-sine")
+    every = np.arange(5)
+    value = tito_neri_effects.fitted(ship, "command-dead-zone", every)
+    corrected = ship.with_values({"prime_mover.command_dead_zone_V": value})
+    before = tito_neri_effects.rms(tito_neri_effects.errors(ship))
+    assert tito_neri_effects.rms(tito_neri_effects.errors(corrected)) < 0.7 * before
+
+
+def test_findings_say_so_where_nothing_is_missing() -> None:
+    rows = [("a", "one", 1.0, "k", 2.0, 1.9, 1.95), ("a", "two", 1.0, "k", 2.0, 1.9, 1.97)]
+    columns = [
+        "model",
+        "effect",
+        "value",
+        "key",
+        "before_percent",
+        "after_percent",
+        "unseen_percent",
+    ]
+    said = tito_neri_effects.findings(pd.DataFrame(rows, columns=columns))
+    assert "nothing is missing" in said
+    assert "not decided" in said
