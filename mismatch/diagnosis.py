@@ -50,6 +50,7 @@ class Diagnosis:
         corrected: with the effects, or the shape, that were found.
         time_s: shape (rows,).
         held_out: windows set aside [s].
+        drive: demand on the prime mover [mm | V | N m], shape (rows,).
         measured: channels by column, each of shape (rows,); likewise the next two.
         before: nominal open-loop simulation.
         after: corrected open-loop simulation.
@@ -75,6 +76,7 @@ class Diagnosis:
     corrected: Ship
     time_s: NDArray[np.float64]
     held_out: list[Window]
+    drive: NDArray[np.float64]
     measured: dict[str, NDArray[np.float64]]
     before: dict[str, NDArray[np.float64]]
     after: dict[str, NDArray[np.float64]]
@@ -192,9 +194,8 @@ def _judged(
     colour, left_over = whiteness.colour(fitter.null), whiteness.colour(fit)
     explained = explained_share(whiteness, fitter.null, fit)
     veto = bool(fit.effects) and gain < -TELL_APART
-    undecided = not replay.excited and (
-        len(fit.effects) > 1 or any(selection.rivals) or close_call(selection)
-    )
+    several = len(fit.effects) > 1 or any(selection.rivals) or close_call(selection)
+    undecided = bool(fit.effects) and not replay.excited and several
     not_the_truth = left_over is not None and explained < EXPLAINED_SHARE
     shape: Shape | None = None
     verdict = EXPLAINED if fit.effects else NOTHING
@@ -227,6 +228,7 @@ def _judged(
         corrected=corrected,
         time_s=replay.time_s,
         held_out=[(a * interval, b * interval) for a, b in held],
+        drive=replay.drive_rows,
         measured=measured,
         before=before,
         after=after,

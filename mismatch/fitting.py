@@ -76,7 +76,9 @@ class Fitter:
         self.simulations += 1
         replay = self.balances.replay
         samples = replay.simulate(record, shift)
-        return self.bands.transform(self.balances.residuals(replay.simulated(samples)))
+        with np.errstate(invalid="ignore", over="ignore"):  # a trial may run away; it is refused
+            lacking = self.balances.residuals(replay.simulated(samples))
+            return self.bands.transform(lacking)
 
     def predicted(self, record: Any) -> Complex:
         """Transformed balance residuals of a simulation; remembers the last ones."""

@@ -17,8 +17,8 @@ from . import figures, regimes
 from .catalogue import bounds, catalogue
 from .diagnosis import EXPLAINED, NOTHING, Diagnosis
 from .panels import channel_name, equation, scaled, superscript
-from .report import sentence
-from .wording import breakable, effect_words, measure, number, parameter_words, remarks, span, spans
+from .report import parameter_words, sentence
+from .wording import breakable, effect_words, measure, number, remarks, span, spans
 
 _ABSENT = "absent"
 

@@ -53,10 +53,8 @@ def signals(diagnosis: Diagnosis) -> dict[str, tuple[Array, str, str]]:
     for key, column in columns.items():
         if column in diagnosis.after:
             found[key] = (diagnosis.after[column], *channel_name(column))
-    drive = getattr(diagnosis, "drive", None)
-    if drive is not None:
-        unit = {"diesel": "mm", "dc-motor": "V"}.get(diagnosis.ship.prime_mover.type, "N m")
-        found["drive"] = (np.asarray(drive), "fuel rack" if unit == "mm" else "drive demand", unit)
+    unit = {"diesel": "mm", "dc-motor": "V"}.get(diagnosis.ship.prime_mover.type, "N m")
+    found["drive"] = (diagnosis.drive, "fuel rack" if unit == "mm" else "drive demand", unit)
     return {k: v for k, v in found.items() if np.ptp(v[0]) > 0.02 * np.abs(v[0]).max()}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,12 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{text} {prefix}{unit}" if unit not in ("-", "") else text
 
 
+def parameter_words(name: str, unit: str) -> str:
+    """Name of a ship's key without the unit that it ends in."""
+    suffix = "_" + re.sub(r"[ /]", "_", unit)
+    return name.removesuffix(suffix).replace("_", " ")
+
+
 def seconds(windows: list[tuple[float, float]]) -> str:
     """Windows in words."""
     if not windows:
@@ -37,20 +44,20 @@ def seconds(windows: list[tuple[float, float]]) -> str:
 
 
 def finding_sentence(finding: Finding, ship: Any) -> str:
-    """What an effect means, with its main parameter and interval."""
+    """What an effect means, with its parameters and their intervals."""
     effect = finding.effect
-    parameter = effect.parameters[0]
-    unit = bounds(parameter, ship)[3]
-    low, high = finding.intervals[0]
-    value = finding.placed.values[0]
-    size = f"{quantity(value, unit)} (95 %: {quantity(low, unit)} to {quantity(high, unit)})"
+    sizes = []
+    for parameter, value, (low, high) in zip(
+        effect.parameters, finding.placed.values, finding.intervals, strict=True
+    ):
+        unit = bounds(parameter, ship)[3]
+        size = f"{quantity(value, unit)} (95 %: {quantity(low, unit)} to {quantity(high, unit)})"
+        alone = len(effect.parameters) == 1
+        sizes.append(size if alone else f"{parameter_words(parameter.name, unit)} {size}")
     subject = "instrument" if effect.balance == "sensor" else f"{effect.balance} balance"
-    where = f", {finding.regime}" if finding.regime else ""
+    where = f", {finding.regime}," if finding.regime else ""
     when = seconds(finding.windows)
-    return (
-        f"{when[:1].upper()}{when[1:]}{where} the {subject} lacks {effect.lacks}; "
-        f"{parameter.name} = {size}."
-    )
+    return f"{when[:1].upper()}{when[1:]}{where} the {subject} lacks {effect.lacks}, {', '.join(sizes)}."
 
 
 def sentence(diagnosis: Diagnosis) -> str:

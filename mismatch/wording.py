@@ -43,12 +43,6 @@ def measure(value: float, unit: str) -> str:
     return f"{number(value / factor)} {shown}".strip()
 
 
-def parameter_words(name: str, unit: str) -> str:
-    """Name of a ship's key without the unit that it ends in."""
-    suffix = "_" + re.sub(r"[ /]", "_", unit)
-    return name.removesuffix(suffix).replace("_", " ")
-
-
 def effect_words(effect: Effect) -> str:
     """An effect's name for people."""
     words = effect.id.replace("-", " ")

@@ -86,7 +86,8 @@ def diagnosis_of(verdict: str, **changes: Any) -> Diagnosis:
     fit = dict.fromkeys(channels(0.0), 84.5)
     fields: dict[str, Any] = {
         "verdict": verdict, "ship": ship, "corrected": ship, "time_s": TIME,
-        "held_out": [(180.0, 240.0)], "measured": channels(0.0), "before": channels(-0.3),
+        "held_out": [(180.0, 240.0)], "drive": 20.0 + 0.02 * TIME,
+        "measured": channels(0.0), "before": channels(-0.3),
         "after": channels(0.0), "balances": BALANCES, "residual_before": lacking,
         "residual_after": noise, "findings": [], "shape": None, "shape_windows": [],
         "shape_regime": "", "explained": 0.98, "left_over": None, "ranking": ranked(),

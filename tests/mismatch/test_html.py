@@ -16,9 +16,9 @@ from shaftline.mismatch.diagnosis import Diagnosis
 from shaftline.mismatch.figures import sea_band, smooth_spectrum
 from shaftline.mismatch.html import report_html
 from shaftline.mismatch.panels import equation, scaled
-from shaftline.mismatch.report import sentence
+from shaftline.mismatch.report import parameter_words, sentence
 from shaftline.mismatch.whiteness import Colour
-from shaftline.mismatch.wording import measure, number, parameter_words, remarks, spans
+from shaftline.mismatch.wording import measure, number, remarks, spans
 from shaftline.plant import load_ship
 
 from .diagnoses import FRICTION, TIME, channels, diagnosis_of
@@ -101,7 +101,7 @@ def test_every_verdict_gives_a_page_that_needs_nothing_else(
 
 @pytest.mark.parametrize("case", CASES)
 def test_every_figure_is_there(case: str, pages: dict[str, tuple[Diagnosis, str]]) -> None:
-    expected = {"traces": 4, "residuals": 2, "regimes": 1, "spectra": 2, "ranking": 1}
+    expected = {"traces": 4, "residuals": 2, "regimes": 2, "spectra": 2, "ranking": 1}
     if case == "unexplained":
         expected["shape"] = 1
     assert outline(pages[case][1]).figures == expected
