@@ -17,8 +17,6 @@ and what is compared is their difference. Without a torque gauge, engine and pro
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -163,8 +161,3 @@ class Balances:
             else:
                 found.append(channels["motor_current_A"] - current)
         return np.array(found)
-
-
-def balance_scale(residual: NDArray[Any]) -> NDArray[np.float64]:
-    """Rms of each residual, shape (balances,)."""
-    return np.asarray(np.sqrt(np.mean(np.square(residual), axis=-1)))

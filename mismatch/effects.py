@@ -109,10 +109,6 @@ class Workshop:
             for values in itertools.product(*grids):
                 yield Placed(effect, values, window)
 
-    def scale(self, parameter: Parameter) -> float:
-        """A typical size of the parameter, by which its search coordinate is made dimensionless."""
-        return float(self._means[parameter.of]) * parameter.probes[len(parameter.probes) // 2]
-
 
 def _means(balances: Balances) -> Mapping[str, float]:
     """What the references of the catalogue's probes are worth in a nominal simulation."""
