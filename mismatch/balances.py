@@ -161,3 +161,7 @@ class Balances:
             else:
                 found.append(channels["motor_current_A"] - current)
         return np.array(found)
+
+    def lacking(self, simulated: Channels) -> NDArray[np.float64]:
+        """What a simulation lacks of the recording in each balance; shape (balances, rows)."""
+        return self.residuals(self.replay.measured()) - self.residuals(simulated)

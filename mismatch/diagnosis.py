@@ -140,33 +140,30 @@ def diagnose(
             c: describe(tables[0][c].to_numpy(dtype=np.float64), replay.interval_s).white_rms
             for c in replay.channels
         }
-        fitter, held = _parted(balances, held_out_runs, tolerance, noise)
+        whiteness, held = _parted(balances, held_out_runs, tolerance, noise)
         effects = applicable(ship, set(tables[0].columns), exclude)
-        selector = Selector(fitter, effects, _episodes(balances), tick)
-        return _judged(selector, held, noise, list(limits), list(warnings))
+        selector = Selector(whiteness.fitter, effects, _episodes(balances), tick)
+        return _judged(selector, whiteness, held, list(limits), list(warnings))
 
 
 def _parted(
     balances: Balances, runs: int, tolerance: float, noise: dict[str, float]
-) -> tuple[Fitter, Segments]:
+) -> tuple[Whiteness, Segments]:
     """Set data aside; not a part that alone holds all that is missing, for nothing could be learnt."""
-    options = set_aside(balances.replay, runs)
-    fitters = []
-    for train, held in options:
+    parted = []
+    for train, held in set_aside(balances.replay, runs):
         fitter = Fitter(balances, bands_of(balances, train), tolerance)
-        fitters.append((fitter, held))
-        if Whiteness(fitter, noise).colour(fitter.null) is not None:
-            return fitters[-1]
-    return fitters[0]
+        parted.append((Whiteness(fitter, noise), held))
+        if parted[-1][0].colour(fitter.null) is not None:
+            return parted[-1]
+    return parted[0]
 
 
 def _episodes(balances: Balances) -> list[Window]:
     """Windows in which an episode of resistance may lie."""
     if "hull" not in balances.names or len(balances.replay.segments) > 1:
         return []
-    measured = balances.residuals(balances.replay.measured())
-    lacking = measured - balances.residuals(balances.nominal)
-    row = lacking[balances.names.index("hull")]
+    row = balances.lacking(balances.nominal)[balances.names.index("hull")]
     interval = balances.replay.interval_s
     changes = change_points(row, interval)
     return windows_between(changes, float(balances.replay.time_s[-1]))
@@ -174,8 +171,8 @@ def _episodes(balances: Balances) -> list[Window]:
 
 def _judged(
     selector: Selector,
+    whiteness: Whiteness,
     held: Segments,
-    noise: dict[str, float],
     limits: list[str],
     warnings: list[str],
 ) -> Diagnosis:
@@ -184,13 +181,12 @@ def _judged(
     selection = selector.search()
     tick("judging on the data set aside", 0, 1)
     measured = replay.measured()
-    lacking = balances.residuals(measured) - balances.residuals(balances.nominal)
+    lacking = balances.lacking(balances.nominal)
     judge = held_out_judge(fitter, held)
     selection = confirmed(selection, fitter, judge)
     fit = selection.fit
     nominal = judge(fitter.workshop.nominal)
     gain = judge(fitter.workshop.record(fit.effects)) - nominal
-    whiteness = Whiteness(fitter, noise)
     colour, left_over = whiteness.colour(fitter.null), whiteness.colour(fit)
     explained = explained_share(whiteness, fitter.null, fit)
     veto = bool(fit.effects) and gain < -TELL_APART
@@ -234,7 +230,7 @@ def _judged(
         after=after,
         balances=list(zip(balances.names, balances.units, strict=True)),
         residual_before=lacking,
-        residual_after=balances.residuals(measured) - balances.residuals(after),
+        residual_after=balances.lacking(after),
         findings=findings,
         shape=shape,
         shape_windows=windows,

@@ -53,7 +53,7 @@ class Whiteness:
     """
 
     def __init__(self, fitter: Fitter, noise_rms: Mapping[str, float]) -> None:
-        self._fitter = fitter
+        self.fitter = fitter
         bands, balances = fitter.bands, fitter.balances
         channels = balances.nominal
         base = balances.residuals(channels)
@@ -70,8 +70,8 @@ class Whiteness:
 
     def ratios(self, fit: Fit) -> NDArray[np.float64]:
         """Power of a model's residual over the noise's, shape (bands, balances); 0 where not judged."""
-        bands, balances = self._fitter.bands, self._fitter.balances
-        residual = fit.difference - np.einsum("k,kmf->mf", fit.tolerances, self._fitter.nuisance)
+        bands, balances = self.fitter.bands, self.fitter.balances
+        residual = fit.difference - np.einsum("k,kmf->mf", fit.tolerances, self.fitter.nuisance)
         found = moments(bands, residual, residual).real
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.nan_to_num(
@@ -85,7 +85,7 @@ class Whiteness:
 
     def colour(self, fit: Fit) -> Colour | None:
         """Where a model's residual exceeds the noise most; None where it is noise."""
-        bands = self._fitter.bands
+        bands = self.fitter.bands
         freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
         limit = EXCESS * chi2.isf(CHANCE, freedom) / freedom
         ratios = self.ratios(fit)
