@@ -19,6 +19,18 @@ Floats = NDArray[np.float64]
 FINE = 5  # steps of the clock's table within a sample
 SETTLING = 1500.0  # s of the first demands before the record begins
 JUMP = 0.3  # mm of rack; the integration stops and starts anew there
+STALLED = 0.5  # rad/s; an engine this slow has stopped
+
+
+class StalledError(ValueError):
+    """The effect is so large that it has stopped the engine."""
+
+
+def _slow(_: float, states: Floats, *__: Any) -> float:
+    return float(states[0] - STALLED)
+
+
+_slow.terminal = True  # type: ignore[attr-defined]
 
 
 def episode_factor(numbers: Numbers, time: Floats, seconds: float) -> Floats:
@@ -79,8 +91,10 @@ def _first_states(ship: NDArray[Any], numbers: Numbers, table: Floats) -> Floats
     start[5] = 6.0
     whole = solve_ivp(
         rates, (0.0, SETTLING), start, method="LSODA", rtol=1e-7, atol=TOLERANCE,
-        args=(ship, calm(), held, SETTLING),
+        args=(ship, calm(), held, SETTLING), events=_slow,
     )  # fmt: skip
+    if whole.status != 0:
+        raise StalledError("the engine stops at the first demands")
     settled = np.asarray(whole.y[:, -1])
     settled[[2, 6, 7]] = 0.0  # at the origin, no air, the bearing cold
     return settled
@@ -102,6 +116,9 @@ def sail(
 
     Returns:
         True signals at the samples, by the canonical columns of a recording.
+
+    Raises:
+        StalledError: the engine stops.
     """
     waves = calm() if waves is None else waves
     ship = frozen(numbers)
@@ -119,7 +136,10 @@ def sail(
         solution = solve_ivp(
             rates, span, state, method="RK45", rtol=1e-5, atol=TOLERANCE, max_step=longest,
             t_eval=np.append(times[first:last], span[1]), args=(ship, waves, table, step),
+            events=_slow,
         )  # fmt: skip
+        if solution.status != 0:
+            raise StalledError(f"the engine stops at {solution.t[-1]:.1f} s")
         states[first:last] = solution.y.T[:-1]
         state = states[last] = solution.y[:, -1]
     outs = signals(times, states, ship, waves, table, step)

@@ -17,7 +17,7 @@ from .effects import BENCH
 from .instruments import read
 from .numbers import Numbers, frigate_numbers
 from .programme import voyage
-from .sail import sail
+from .sail import StalledError, sail
 from .water import calm, head_sea
 
 CHANNELS = (
@@ -156,7 +156,11 @@ class World:
         low, high = 0.0, effect.most  # too weak, too strong
         before: tuple[float, float] | None = None
         for trial in range(TRIALS):
-            sailed = self.compared(with_effect(self.true, concealed, size))
+            try:
+                sailed = self.compared(with_effect(self.true, concealed, size))
+            except StalledError:
+                high, size = size, max(0.5 * size, math.sqrt(low * size))
+                continue
             ratio, raw, channel = self.strength(sailed)
             enough = abs(ratio / concealed.ratio - 1.0) < CLOSE
             if enough or trial == TRIALS - 1 or (size >= effect.most and ratio < concealed.ratio):
@@ -169,7 +173,7 @@ class World:
             before = size, ratio
             step = (concealed.ratio / ratio) ** (1.0 / slope) if ratio > 0.0 else 4.0
             size *= min(max(step, 0.02), 20.0)
-            if not low < size < high:  # halve what is left on a logarithmic scale, or take its end
-                size = math.sqrt(low * high) if low > 0.0 and high < effect.most else high
+            if not low < size < high:  # halve what is left, or take its end
+                size = max(0.5 * high, math.sqrt(low * high)) if high < effect.most else high
             size = max(size, 0.01 * effect.first)
         return size, ratio, raw, channel
