@@ -8,12 +8,12 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from ..mismatch.catalogue import bounds
 from ..mismatch.diagnosis import Diagnosis
 from ..mismatch.folder import diagnose_folder, recordings_in
 from ..mismatch.report import sentence
 from ..mismatch.results import PAGE, REPORT, SHIP, Options, diagnose_files, write_results
 from ..plant import Ship, load_ship
+from ..plant.ship import key_info
 from ..plant.sweep import check_backend
 from .console import Backend, clear_errors, console, print_table, progress, stages
 
@@ -182,7 +182,7 @@ def _findings(diagnosis: Diagnosis) -> pd.DataFrame:
                     "value": f"{value:.4g}",
                     "95 % from": f"{low:.4g}",
                     "to": f"{high:.4g}",
-                    "unit": bounds(parameter, diagnosis.ship)[3],
+                    "unit": key_info(parameter.key, diagnosis.ship).unit,
                     "evidence": f"{finding.score:.1f}" if first else "",
                     "threshold": f"{finding.threshold:.1f}" if first else "",
                     "or equally": ", ".join(others) if first else "",

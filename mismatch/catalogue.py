@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ..plant.ship import Ship, ShipError, key_info, record_name
+from ..plant.ship import Ship, ShipError, record_name
 from ..plant.ship_sections import DcMotor, Diesel
 
 
@@ -148,9 +148,3 @@ def applicable(ship: Ship, columns: Iterable[str], exclude: Iterable[str] = ()) 
             continue
         found.append(effect)
     return found
-
-
-def bounds(parameter: Parameter, ship: Ship) -> tuple[float, float, float, str]:
-    """Lowest, highest and neutral value and unit of a parameter."""
-    info = key_info(parameter.key, ship)
-    return info.low, info.high, info.neutral or 0.0, info.unit

@@ -26,7 +26,7 @@ from .findings import Detectable, Finding, detectable_effects, findings_of
 from .fitting import Fitter
 from .held_out import Segments, bands_of, held_out_judge, set_aside
 from .location import active_windows, change_points, regime, windows_between
-from .noise import describe
+from .recordings.noise import describe
 from .replay import Replay
 from .selection import TELL_APART, Candidate, Selector, Tick
 from .shapes import Shape, best_shapes, signals_of

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..plant.propeller import cavitation_number
-from ..plant.ship import Ship, record_name
+from ..plant.ship import Ship, key_info, record_name
 from .balances import Balances
-from .catalogue import Effect, Parameter, bounds
+from .catalogue import Effect, Parameter
 
 Window = tuple[float, float]
 
@@ -67,8 +67,8 @@ class Workshop:
 
     def range_of(self, key: str) -> tuple[float, float]:
         """Allowed range of a key, open ends drawn in by a hair."""
-        low, high, _, _ = bounds(Parameter(key, ()), self.ship)
-        return low, high
+        info = key_info(key, self.ship)
+        return info.low, info.high
 
     def record(self, effects: tuple[Placed, ...], base: Any = None) -> Any:
         """The kernels' record of the ship with some effects on it."""
@@ -93,7 +93,7 @@ class Workshop:
 
     def probes(self, parameter: Parameter) -> list[float]:
         """Values at which a parameter is first tried, inside its bounds."""
-        low, high, _, _ = bounds(parameter, self.ship)
+        low, high = self.range_of(parameter.key)
         neutral = self.neutral(parameter)
         start = 0.0 if math.isinf(neutral) else neutral
         steps = [p * self._means[parameter.of] for p in parameter.probes]

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..plant.ship import key_info
 from .balances import Balances
-from .catalogue import Effect, bounds
+from .catalogue import Effect
 from .effects import Placed, Window
 from .fitting import Fit, Fitter
 from .location import active_windows, regime
@@ -123,6 +124,6 @@ def detectable_effects(
         variance = float(np.linalg.pinv(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:
             size = abs(probe - neutral) * np.sqrt(threshold(effect) * variance)
-            unit = bounds(parameter, fitter.workshop.ship)[3]
+            unit = key_info(parameter.key, fitter.workshop.ship).unit
             found.append(Detectable(effect, float(size), unit))
     return found

@@ -19,8 +19,8 @@ from ..plant.files import write_text
 from ..plant.recording import read_table
 from ..plant.ship import Ship
 from ..plant.sweep import source_digest, sweep
-from .columns import DATE_TIME, load_map
-from .index import row_of, sorted_index, write_index
+from .recordings.columns import DATE_TIME, load_map
+from .report.index import row_of, sorted_index, write_index
 from .results import PAGE, REPORT, SHIP, Options, diagnose_files, write_results
 
 ENDINGS = (".csv", ".parquet", ".pq")
@@ -121,7 +121,7 @@ def diagnose_folder(
         for place, name in waiting.items():
             note = out / "cells" / f"{name}.error.txt"
             why = f"the tool failed, see cells/{note.name}" if note.is_file() else "not finished"
-            rows[place] = row_of(place, files[place].name, _date(files[place], None), error=why)
+            rows[place] = row_of(files[place].name, _date(files[place], None), error=why)
         if (out / "cells").is_dir():
             write_index(rows.values(), out)
     return sorted_index(rows.values())
@@ -173,10 +173,11 @@ def _laid_out(place: str, path: Path, result: Mapping[str, Any], out: Path) -> d
     if "error" in result:
         for name in (REPORT, PAGE, SHIP):  # of the recording as it was
             (out / place / name).unlink(missing_ok=True)
-        return row_of(place, path.name, day, error=result["error"])
+        return row_of(path.name, day, error=result["error"])
     for name, text in result["files"].items():
         write_text(out / place / name, text)
-    return row_of(place, path.name, day, report=json.loads(result["files"][REPORT]))
+    report = json.loads(result["files"][REPORT])
+    return row_of(path.name, day, report, link=f"{place}/{PAGE}")
 
 
 def _first_date(path: Path, options: Options) -> str | None:

@@ -29,7 +29,7 @@ class Options:
     """How to diagnose, whatever the recording.
 
     Args:
-        columns: column map of the recordings (:mod:`.columns`), or none.
+        columns: column map of the recordings (:mod:`.recordings.columns`), or none.
         exclude: ids of the catalogue to leave out.
         tolerance: factor on the tolerances of the ship's numbers.
     """
@@ -132,7 +132,7 @@ def write_results(diagnosis: Diagnosis, folder: Path, page: bool = True) -> dict
     report: dict[str, Any] = _finite(as_json(diagnosis))
     text = ""
     if page:
-        from .html import report_html  # draws: loaded only where a page is wanted
+        from .report.html import report_html  # draws: loaded only where a page is wanted
 
         text = report_html(diagnosis)
     write_json(folder / REPORT, report)

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch import figures
 from shaftline.mismatch.catalogue import Effect, catalogue
 from shaftline.mismatch.diagnosis import Diagnosis
-from shaftline.mismatch.figures import sea_band, smooth_spectrum
-from shaftline.mismatch.html import report_html
-from shaftline.mismatch.panels import equation, scaled
-from shaftline.mismatch.report import parameter_words, sentence
+from shaftline.mismatch.report import figures, sentence
+from shaftline.mismatch.report.figures import sea_band, smooth_spectrum
+from shaftline.mismatch.report.html import report_html
+from shaftline.mismatch.report.panels import equation
+from shaftline.mismatch.report.remarks import remarks
+from shaftline.mismatch.report.wording import measure, number, parameter_words, scaled, spans
 from shaftline.mismatch.whiteness import Colour
-from shaftline.mismatch.wording import measure, number, remarks, spans
 from shaftline.plant import load_ship
 
 from .diagnoses import FRICTION, TIME, channels, diagnosis_of

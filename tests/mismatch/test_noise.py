@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shaftline.mismatch.noise import Noise, clipped, describe, frozen, quantisation, white_rms
+from shaftline.mismatch.recordings.noise import (
+    Noise,
+    clipped,
+    describe,
+    frozen,
+    quantisation,
+    white_rms,
+)
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
 
 # instrument noise at 10 Hz: rad/s, N m, m/s, P/D

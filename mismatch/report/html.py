@@ -12,15 +12,25 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from ..plant.ship import Ship, ShipError, key_info
+from ...plant.ship import Ship, key_info
+from ..catalogue import catalogue
+from ..diagnosis import EXPLAINED, NOTHING, Diagnosis
 from . import figures, regimes
-from .catalogue import bounds, catalogue
-from .diagnosis import EXPLAINED, NOTHING, Diagnosis
-from .panels import channel_name, equation, scaled, superscript
-from .report import parameter_words, sentence
-from .wording import breakable, effect_words, measure, number, remarks, span, spans
-
-_ABSENT = "absent"
+from .changes import changed_keys
+from .panels import equation
+from .remarks import remarks
+from .sentences import sentence
+from .wording import (
+    breakable,
+    channel_name,
+    effect_words,
+    measure,
+    number,
+    parameter_words,
+    scaled,
+    span,
+    spans,
+)
 
 _WORDS = {
     "explained": "explained",
@@ -57,18 +67,15 @@ def report_html(diagnosis: Diagnosis) -> str:
         detectable=_detectable(diagnosis),
         untold=_untold(diagnosis),
         remarks=remarks(diagnosis),
-        keys=_changed_keys(diagnosis),
+        keys=changed_keys(diagnosis),
         version=version("shaftline"),
     )
 
 
 @functools.cache
 def _template() -> Template:
-    text = (
-        importlib.resources.files("shaftline.mismatch")
-        .joinpath("report.html.j2")
-        .read_text("utf-8")
-    )
+    file = importlib.resources.files("shaftline.mismatch.report").joinpath("report.html.j2")
+    text = file.read_text("utf-8")
     return Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     ).from_string(text)
@@ -89,7 +96,7 @@ def _finding(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
     for parameter, value, (low, high) in zip(
         effect.parameters, placed.values, finding.intervals, strict=True
     ):
-        unit = bounds(parameter, ship)[3]
+        unit = key_info(parameter.key, ship).unit
         factor, shown = scaled(abs(value), unit)
         rows.append(
             {
@@ -118,7 +125,7 @@ def _finding(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
 def _rival(placed: Any, ship: Ship) -> str:
     """A name that does as well, with its value."""
     parameter = placed.effect.parameters[0]
-    unit = bounds(parameter, ship)[3]
+    unit = key_info(parameter.key, ship).unit
     words = parameter_words(parameter.name, unit)
     return f"{placed.effect.label} with {words} {measure(placed.values[0], unit)}"
 
@@ -207,38 +214,3 @@ def _untold(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "untried": [x for x in labels if x not in tried],
         "unsized": [x for x in labels if x in tried and x not in sized],
     }
-
-
-def _changed_keys(diagnosis: Diagnosis) -> list[tuple[Markup, str, str]]:
-    """Keys of the ship's file that differ: key, nominal and corrected value."""
-    old, new = (_flat(s.model_dump()) for s in (diagnosis.ship, diagnosis.corrected))
-    return [
-        (
-            breakable(key),
-            _value(old.get(key), key, diagnosis.ship),
-            _value(value, key, diagnosis.ship),
-        )
-        for key, value in new.items()
-        if value != old.get(key)
-    ]
-
-
-def _flat(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in tree.items():
-        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
-    return found
-
-
-def _value(value: Any, key: str, ship: Ship) -> str:
-    if value is None:
-        return _ABSENT
-    if isinstance(value, list | tuple):
-        return ", ".join(_value(item, "", ship) for item in value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    try:
-        unit = key_info(key, ship).unit if key else "-"
-    except (ShipError, KeyError, ValueError):
-        unit = "-"
-    return f"{number(float(value), 5)} {superscript(unit)}".strip()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .diagnosis import Diagnosis
+from ..diagnosis import Diagnosis
 from .figures import QUANTITY, changed, interval
 from .panels import (
     AFTER,
@@ -15,12 +15,10 @@ from .panels import (
     Array,
     block_rows,
     blocks,
-    channel_name,
     panel,
-    scaled,
     svg,
-    with_unit,
 )
+from .wording import channel_name, scaled, with_unit
 
 _BINS = 12
 

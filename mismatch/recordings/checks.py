@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from ..plant.recording import BOUNDS, TIME, RecordingError, drive_column
-from ..plant.ship import Ship
+from ...plant.recording import BOUNDS, TIME, RecordingError, drive_column
+from ...plant.ship import Ship
 from .noise import Noise, clipped, frozen
 from .slips import demands
 

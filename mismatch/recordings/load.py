@@ -1,4 +1,4 @@
-"""Recordings for the diagnosis: read, carried onto canonical columns, checked, described."""
+"""A recording read from its file: by its column map, through every check, with its noise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..plant.recording import (
+from ...plant.recording import (
     BOUNDS,
     COLUMNS,
     TIME,
@@ -21,7 +21,7 @@ from ..plant.recording import (
     input_columns,
     read_table,
 )
-from ..plant.ship import Ship
+from ...plant.ship import Ship
 from .checks import at_rest, dull, on_even_time, pitch_swapped, too_short
 from .columns import load_map
 from .noise import Noise, describe

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from scipy.signal import welch
 
-from .diagnosis import Diagnosis
+from ..diagnosis import Diagnosis
 from .panels import (
     AFTER,
     AFTER_LINE,
@@ -21,15 +21,12 @@ from .panels import (
     Array,
     block_rows,
     blocks,
-    channel_name,
     outline,
     panel,
-    scaled,
-    superscript,
     svg,
     thinned,
-    with_unit,
 )
+from .wording import channel_name, scaled, superscript, with_unit
 
 RANKED = 12
 """Candidates that the ranking shows."""

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..plant.recording import BOUNDS, drive_column
-from ..plant.ship import Ship
-from ..plant.ship_sections import DcMotor, Diesel
+from ...plant.recording import BOUNDS, drive_column
+from ...plant.ship import Ship
+from ...plant.ship_sections import DcMotor, Diesel
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..plant.signals import SIGNALS
-
 Array = NDArray[np.float64]
 
 MEASURED, BEFORE, AFTER, QUIET, HELD_OUT, WINDOW = (
@@ -36,8 +34,6 @@ WIDTH, HEIGHT = 5.4, 2.35
 
 _SMALL, _NORMAL = 8.0, 8.8
 _POINTS = 420
-
-_NAMES = {s.column: (s.name.removeprefix("measured_").replace("_", " "), s.unit) for s in SIGNALS}
 
 _UNKNOWN_TO_MATHTEXT = {
     r"\le ": r"\leq ",
@@ -156,29 +152,3 @@ def blocks(values: Array, size: int, take: Callable[..., Any] = np.mean) -> Arra
     """A statistic of each block of ``size`` rows."""
     count = len(values) // size
     return np.asarray(take(values[: count * size].reshape(count, size), axis=1))
-
-
-def scaled(largest: float, unit: str) -> tuple[float, str]:
-    """Factor and unit in which numbers of a size are read best: 20 000 N m are 20 kN m."""
-    if unit.startswith("N"):
-        for size, prefix in ((1e6, "M"), (1e3, "k")):
-            if largest >= size:
-                return size, prefix + superscript(unit)
-    return 1.0, superscript(unit)
-
-
-def superscript(unit: str) -> str:
-    """A unit with raised powers, and nothing for a number that has none: ``kg m2`` is kg m²."""
-    raised = re.sub(r"(?<=[a-z])2\b", "²", unit)
-    return "" if raised == "-" else raised
-
-
-def with_unit(words: str, unit: str) -> str:
-    """Label of an axis."""
-    return f"{words} [{unit}]" if unit else words
-
-
-def channel_name(column: str) -> tuple[str, str]:
-    """Name and unit of a column of the recording, for people."""
-    name, unit = _NAMES.get(column, (column, ""))
-    return name, superscript(unit)

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..plant.recording import BOUNDS, TIME, RecordingError, drive_column, simulate_recording
-from ..plant.ship import Ship
+from ...plant.recording import BOUNDS, TIME, RecordingError, drive_column, simulate_recording
+from ...plant.ship import Ship
 from .slips import (
     SHAFT_SPEED,
     Slip,

@@ -10,8 +10,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from ..plant.files import write_atomically, write_text
-from .results import PAGE
+from ...plant.files import write_atomically, write_text
 
 COLUMNS = (
     "recording", "ship", "date", "verdict", "balances", "found", "windows_s", "regime", "channel",
@@ -24,15 +23,19 @@ _ORDER = {"unexplained": 0, "explained": 0, "nothing-missing": 1, "": 2}
 
 
 def row_of(
-    place: str, recording: str, date: str, report: Mapping[str, Any] | None = None, error: str = ""
+    recording: str,
+    date: str,
+    report: Mapping[str, Any] | None = None,
+    link: str = "",
+    error: str = "",
 ) -> dict[str, Any]:
     """A row of the index.
 
     Args:
-        place: folder of the results.
         recording: file name.
         date: when it was recorded.
         report: what stands in ``report.json``; none of a recording that could not be diagnosed.
+        link: where its ``report.html`` is, seen from the index.
         error: why it could not.
     """
     row: dict[str, Any] = dict.fromkeys(COLUMNS, "")
@@ -55,7 +58,7 @@ def row_of(
         "windows_s": ", ".join(f"{a:.0f}..{b:.0f}" for a, b in location["windows_s"]),
         "regime": location["regime"],
         "sentence": report["sentence"],
-        "report": f"{place}/{PAGE}",
+        "report": link,
     }
     if gains:
         channel = max(gains, key=lambda column: gains[column])

@@ -1,0 +1,61 @@
+"""A diagnosis as sentences: the line on top of the report, and one for each finding."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...plant.ship import Ship, key_info
+from ..diagnosis import EXPLAINED, NOTHING, Diagnosis
+from ..findings import Finding
+from .wording import measure, parameter_words
+
+
+def seconds(windows: list[tuple[float, float]]) -> str:
+    """Windows in words."""
+    if not windows:
+        return ""
+    parts = [f"{a:.0f} and {b:.0f} s" for a, b in windows[:3]]
+    more = f", and in {len(windows) - 3} more windows" if len(windows) > 3 else ""
+    return "between " + ", between ".join(parts) + more
+
+
+def finding_sentence(finding: Finding, ship: Ship) -> str:
+    """What an effect means, with its parameters and their intervals."""
+    effect = finding.effect
+    sizes = []
+    for parameter, value, (low, high) in zip(
+        effect.parameters, finding.placed.values, finding.intervals, strict=True
+    ):
+        unit = key_info(parameter.key, ship).unit
+        size = f"{measure(value, unit)} (95 %: {measure(low, unit)} to {measure(high, unit)})"
+        alone = len(effect.parameters) == 1
+        sizes.append(size if alone else f"{parameter_words(parameter.name, unit)} {size}")
+    subject = "instrument" if effect.balance == "sensor" else f"{effect.balance} balance"
+    where = f", {finding.regime}," if finding.regime else ""
+    when = seconds(finding.windows)
+    return f"{when[:1].upper()}{when[1:]}{where} the {subject} lacks {effect.lacks}, {', '.join(sizes)}."
+
+
+def sentence(diagnosis: Diagnosis) -> str:
+    """The answer in one sentence."""
+    limits = "; ".join(diagnosis.limits)
+    if diagnosis.verdict == EXPLAINED:
+        return " ".join(finding_sentence(f, diagnosis.ship) for f in diagnosis.findings)
+    if diagnosis.verdict == NOTHING:
+        if limits:
+            return f"Cannot be decided, because {limits}."
+        return (
+            "Nothing is missing: the simulation differs from the recording by no more than noise and "
+            "the tolerances of the ship's numbers allow."
+        )
+    shape = diagnosis.shape
+    if limits and not diagnosis.excited:
+        return f"Something differs; which effect it is cannot be decided, because {limits}."
+    if shape is None:
+        return "Something is missing that the catalogue does not name."
+    signal = shape.signal.replace("_", " ")
+    low, high = float(np.min(shape.values)), float(np.max(shape.values))
+    return (
+        f"Something is missing that has no name: the {shape.balance} balance lacks "
+        f"{measure(low, shape.unit)} to {measure(high, shape.unit)}, depending on {signal}."
+    )
