@@ -1,4 +1,7 @@
-"""How far a ship's nominal numbers may be off before it is called missing physics."""
+"""How far a ship's nominal numbers may be off before it is called missing physics.
+
+How well the numbers are known stands in the ship's file, under ``[tolerances]``.
+"""
 
 from __future__ import annotations
 
@@ -8,71 +11,60 @@ from typing import Any
 from ..plant.ship_sections import Diesel
 from .replay import Replay
 
-RELATIVE = {
-    "resistance_coefficient": 0.008,
-    "mass": 0.01,
-    "inertia": 0.01,
-    "torque_per_rack": 0.003,
-    "thrust_curve": 0.004,
-    "torque_curve": 0.004,
-    "pitch_time_constant": 0.02,
-    "motor_constant": 0.004,
-    "armature_resistance": 0.005,
-}
-"""Standard deviation of each nominal number, as a share of it: a ship's file that was made with care."""
-
-TORQUE_OFFSET = 0.002
-"""Standard deviation of the engine map's constant term, as a share of the highest torque shown."""
-
-WAKE_FRACTION = 0.003
-"""Standard deviation of the wake fraction [-]."""
-
 START = {"pitch_ratio": 0.005, "shaft_speed": 0.02, "ship_speed": 0.05}
 """Standard deviation of the first state: P/D [-], share of the shaft speed, ship speed [m/s]."""
 
 
 UNMOVED = (0.0, 0.0, 0.0)
 
+Moved = tuple[Any, tuple[float, float, float]]
+"""A record of the ship, and the shift of the first state: P/D, shaft speed, ship speed."""
 
-def tolerance_records(
-    replay: Replay, scale: float = 1.0
-) -> Iterator[tuple[Any, tuple[float, float, float]]]:
+
+def tolerance_records(replay: Replay, scale: float = 1.0) -> Iterator[Moved]:
     """The nominal ship with each number one standard deviation off: record, and shift of the start.
 
     Args:
-        replay: of the recording; only numbers that act in it are yielded.
+        replay: of the recording; numbers that do not act in it, or are known exactly, are left out.
         scale: factor on all tolerances.
     """
     ship = replay.ship
-    diesel = isinstance(ship.prime_mover, Diesel)
+    known = ship.tolerances
 
-    def changed(**factors: float) -> Any:
-        record = ship.record()
-        for name, share in factors.items():
-            record[name] = record[name] * (1.0 + scale * share)
-        return record
+    def off(tolerance: float, *fields: str, power: float = 1.0) -> Iterator[Moved]:
+        """Fields of the record off by a share of themselves, or of what they divide (power -1)."""
+        if scale * tolerance != 0.0:
+            record = ship.record()
+            for field in fields:
+                record[field] = record[field] * (1.0 + scale * tolerance) ** power
+            yield record, UNMOVED
+
+    def shifted(tolerance: float, field: str, unit: float) -> Iterator[Moved]:
+        """A field of the record off by a share of something else."""
+        if scale * tolerance != 0.0:
+            record = ship.record()
+            record[field] += scale * tolerance * unit
+            yield record, UNMOVED
 
     if not ship.hull.fixed:
-        yield changed(resistance_coefficient=RELATIVE["resistance_coefficient"]), UNMOVED
-        yield changed(mass=RELATIVE["mass"]), UNMOVED
-        record = ship.record()
-        record["wake_fraction"] += scale * WAKE_FRACTION
-        yield record, UNMOVED
-        yield changed(kt=RELATIVE["thrust_curve"]), UNMOVED
-    inertia = RELATIVE["inertia"]
-    yield changed(inertia_engine_side=inertia, inertia_propeller_side=inertia), UNMOVED
-    yield changed(relative_rotative_efficiency=-RELATIVE["torque_curve"]), UNMOVED
-    if diesel:
-        yield changed(torque_per_rack=RELATIVE["torque_per_rack"]), UNMOVED
-        record = ship.record()
-        limit = float(min(record["torque_limit"], record["torque_per_rack"] * record["drive_max"]))
-        record["torque_offset"] += scale * TORQUE_OFFSET * limit
-        yield record, UNMOVED
+        yield from off(known.resistance, "resistance_coefficient")
+        yield from off(known.mass, "mass")
+        yield from shifted(known.wake_fraction, "wake_fraction", 1.0)
+        for record, start in off(known.thrust_curve, "kt"):
+            record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
+            yield record, start
+    yield from off(known.inertia, "inertia_engine_side", "inertia_propeller_side")
+    yield from off(known.torque_curve, "relative_rotative_efficiency", power=-1.0)
+    if isinstance(ship.prime_mover, Diesel):
+        yield from off(known.torque_per_rack, "torque_per_rack")
+        plant = ship.record()
+        highest = float(min(plant["torque_limit"], plant["torque_per_rack"] * plant["drive_max"]))
+        yield from shifted(known.torque_offset, "torque_offset", highest)
     elif ship.prime_mover.type == "dc-motor":
-        yield changed(motor_constant=RELATIVE["motor_constant"]), UNMOVED
-        yield changed(armature_resistance=RELATIVE["armature_resistance"]), UNMOVED
+        yield from off(known.motor_constant, "motor_constant")
+        yield from off(known.armature_resistance, "armature_resistance")
     if replay.controllable:
-        yield changed(pitch_time_constant=RELATIVE["pitch_time_constant"]), UNMOVED
+        yield from off(known.pitch_time_constant, "pitch_time_constant")
     shaft = max(abs(replay.start[1]), 1.0)
     yield ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0)
     if replay.controllable:

@@ -27,6 +27,7 @@ from .ship_sections import (
     Propeller,
     Section,
     Sensors,
+    Tolerances,
     TorqueSource,
     Transmission,
     Unexplained,
@@ -64,6 +65,7 @@ class Ship(Section):
     pitch_actuator: PitchActuator = PitchActuator()
     sensors: Sensors = Sensors()
     integration: Integration = Integration()
+    tolerances: Tolerances = Tolerances()
     unexplained: Unexplained | None = None
 
     @model_validator(mode="after")
@@ -373,11 +375,12 @@ def _explained(item: dict[str, Any]) -> str:
     tags = {"diesel", "dc-motor", "torque-command"}
     path = [str(part) for part in item["loc"] if part not in tags]
     key = ".".join(path) or "ship"
+    table = Ship.model_fields.get(path[0]) if path else None  # one key may stand in two sections
     info = next(
         (
             section.model_fields[path[-1]]
-            for section in _section_types()
-            if path and path[-1] in section.model_fields
+            for section in (_kinds(table.annotation) if table else ())
+            if path[-1] in getattr(section, "model_fields", {})
         ),
         None,
     )

@@ -381,6 +381,28 @@ class Integration(Section):
     time_step_s: float = _number("RK4 step", "s", record="time_step", gt=0, le=0.5, default=0.05)
 
 
+def _known_to(tolerance: float, description: str) -> Any:
+    """How well a number of the ship is known: one standard deviation; 0 is exactly."""
+    description = f"standard deviation of {description}"
+    return Field(default=tolerance, ge=0, le=0.5, description=description)
+
+
+class Tolerances(Section):
+    """How far the nominal numbers may be off before a diagnosis calls it missing physics."""
+
+    resistance: float = _known_to(0.008, "the resistance, as a share of it")
+    mass: float = _known_to(0.01, "the ship's mass, as a share of it")
+    wake_fraction: float = _known_to(0.003, "the wake fraction w, added to it")
+    thrust_curve: float = _known_to(0.004, "the propeller's KT, as a share of it")
+    torque_curve: float = _known_to(0.004, "the propeller's KQ, as a share of it")
+    inertia: float = _known_to(0.01, "both inertias of the shaft, as a share of them")
+    torque_per_rack: float = _known_to(0.003, "the diesel's b, as a share of it")
+    torque_offset: float = _known_to(0.002, "the diesel's c, as a share of its highest torque")
+    motor_constant: float = _known_to(0.004, "the motor's K_e, as a share of it")
+    armature_resistance: float = _known_to(0.005, "the motor's R_a, as a share of it")
+    pitch_time_constant: float = _known_to(0.02, "the pitch actuator's tau_p, as a share of it")
+
+
 _Knot = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 

@@ -73,6 +73,12 @@ def test_ship_passes_through(frigate: Ship) -> None:
         ('type = "diesel"', "", ["prime_mover", "type"]),
         ("speed_min_rpm = 350.0", "speed_min_rpm = 1e3", ["speed_min_rpm must be below"]),
         ("pitch_ratio_min = 0.6", "pitch_ratio_min = 1.5", ["pitch_ratio_min must not exceed"]),
+        ("[pitch_actuator]", "[tolerances]\nwake_fraction = 0.6\n[pitch_actuator]",
+         ["tolerances.wake_fraction = 0.6", "unit -; allowed: >= 0 and <= 0.5"]),
+        ("[pitch_actuator]", "[tolerances]\nmass = -0.01\n[pitch_actuator]",
+         ["tolerances.mass = -0.01", "unit -; allowed: >= 0 and <= 0.5"]),
+        ("[pitch_actuator]", "[tolerances]\ncolour = 0.1\n[pitch_actuator]",
+         ["tolerances.colour is not a known key"]),
         ("diameter_m = 4.2", "diameter_m = ", ["not valid TOML", "line"]),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
@@ -129,11 +135,18 @@ def test_with_values_reaches_the_record(frigate: Ship) -> None:
     assert record["torque_sensor_gain"] == 1.1
 
 
+def test_kernels_know_nothing_of_tolerances(frigate: Ship) -> None:
+    unsure = frigate.with_values({"tolerances.resistance": 0.05})
+    assert unsure.tolerances.resistance == 0.05
+    assert unsure.record().tobytes() == frigate.record().tobytes()
+
+
 @pytest.mark.parametrize(
     ("values", "words"),
     [
         ({"hull.mass_kg": -1.0}, r"frigate: hull\.mass_kg = -1\.0.*unit kg; allowed: > 0"),
         ({"hull.current_m_s": math.nan}, r"hull\.current_m_s = nan"),
+        ({"tolerances.mass": math.inf}, r"tolerances\.mass = inf.*>= 0 and <= 0\.5"),
         ({"hull.colour": 1.0}, r"hull\.colour is not a known key"),
         ({"rudder.angle": 1.0}, "rudder is not a known key"),
         ({"hull.mass_kg.x": 1.0}, r"no section 'mass_kg'"),
@@ -153,7 +166,12 @@ SHAPE = {
 
 @pytest.mark.parametrize(
     "values",
-    [{}, {"pitch_actuator.rate_limit_per_s": math.inf, "sensors.torque_gain": 1.05}, SHAPE],
+    [
+        {},
+        {"pitch_actuator.rate_limit_per_s": math.inf, "sensors.torque_gain": 1.05},
+        {"tolerances.resistance": 0.05, "tolerances.mass": 0.0},
+        SHAPE,
+    ],
 )
 @pytest.mark.parametrize("name", [n for n in ship_names() if not load_ship(n).hull.fixed])
 def test_written_ship_is_read_back(name: str, values: dict[str, Any], tmp_path: Path) -> None:
@@ -209,7 +227,16 @@ def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
 
 
 @pytest.mark.parametrize(
-    "key", ["hull", "hull.colour", "name", "rudder.angle", "record.x", "unexplained.knots"]
+    "key",
+    [
+        "hull",
+        "hull.colour",
+        "name",
+        "rudder.angle",
+        "record.x",
+        "unexplained.knots",
+        "tolerances.x",
+    ],
 )
 def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
     with pytest.raises(ShipError, match=f"{key} is not a known key"):
@@ -217,7 +244,8 @@ def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "key", ["propeller.blades", "hull.propellers", "prime_mover.speed_min_rpm"]
+    "key",
+    ["propeller.blades", "hull.propellers", "prime_mover.speed_min_rpm", "tolerances.mass"],
 )
 def test_key_without_a_field_of_its_own_is_named(frigate: Ship, key: str) -> None:
     with pytest.raises(ShipError, match=f"{key} has no field of its own"):
