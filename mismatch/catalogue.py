@@ -31,6 +31,8 @@ class Parameter:
             ``torque/shaft_speed``.
         signed: whether the negative probes are tried too.
         absolute: the probes are values of the key, not deviations from its neutral value.
+        least: distance from the neutral value below which something else looks the same, and the
+            effect is not named; in the key's own unit.
     """
 
     key: str
@@ -38,6 +40,7 @@ class Parameter:
     of: str = "unit"
     signed: bool = False
     absolute: bool = False
+    least: float = 0.0
 
     @property
     def name(self) -> str:
@@ -63,6 +66,7 @@ class Effect:
         ties: keys that follow a parameter: (key, parameter's key, factor).
         needs: columns without which it cannot be tried.
         windowed: acts for a time, whose start and end are fitted too.
+        form: what tells it from an entry of the same id and balance.
     """
 
     id: str
@@ -78,11 +82,12 @@ class Effect:
     ties: tuple[tuple[str, str, float], ...] = ()
     needs: tuple[str, ...] = ()
     windowed: bool = False
+    form: str = ""
 
     @property
     def label(self) -> str:
-        """Id and balance: friction may act in several."""
-        return f"{self.id} ({self.balance})"
+        """Id and balance, for friction may act in several; and the form where there are some."""
+        return f"{self.id} ({self.balance}{', ' + self.form if self.form else ''})"
 
 
 @functools.cache

@@ -8,6 +8,7 @@ aside.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -200,7 +201,8 @@ def _judged(
         verdict = UNEXPLAINED if colour is not None or undecided or not_the_truth else NOTHING
     if verdict == UNEXPLAINED:
         shape = shape_to_show(best_shapes(fitter, fitter.null), balances, colour or left_over)
-    findings = findings_of(fitter, selection, lacking) if verdict == EXPLAINED else []
+    misfit = math.sqrt(max(1.0 - explained, 0.0))
+    findings = findings_of(fitter, selection, lacking, misfit) if verdict == EXPLAINED else []
     windows: list[Window] = []
     where = ""
     if shape is not None:

@@ -101,6 +101,16 @@ class Workshop:
             steps = [-s for s in reversed(steps)] + steps
         return [start + s for s in steps if low <= start + s <= high]
 
+    def smallest(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
+        """The trials in which the effect's first value is as near to neutral as it is probed."""
+        neutral = self.neutral(effect.parameters[0])
+        start = 0.0 if math.isinf(neutral) else neutral
+        probes = self.probes(effect.parameters[0])
+        nearest = min(probes, key=lambda value: (abs(value - start), -value), default=None)
+        for placed in self.trials(effect, windows):
+            if placed.values[0] == nearest:
+                yield placed
+
     def trials(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
         """The effect at every combination of its probes, and of windows where it acts for a time."""
         grids = [self.probes(p) for p in effect.parameters]
@@ -135,6 +145,7 @@ def _means(balances: Balances) -> Mapping[str, float]:
         "ship_speed": float(np.mean(samples["ship_speed"])),
         "drive": typical(drive),
         "drive_top": float(np.abs(drive).max()),
+        "current_top": float(np.abs(samples["motor_current"]).max()),
         "inertia": float(plant["inertia_propeller_side"])
         + 0.1 * float(plant["inertia_engine_side"]),
         "sigma_top": float(number),

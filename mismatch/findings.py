@@ -69,12 +69,12 @@ def _row(balances: Balances, effect: Effect, traces: NDArray[np.float64], scale:
 
 
 def findings_of(
-    fitter: Fitter, selection: Selection, lacking: NDArray[np.float64]
+    fitter: Fitter, selection: Selection, lacking: NDArray[np.float64], misfit: float
 ) -> list[Finding]:
     """The chosen effects with intervals, traces, windows and regimes."""
     balances, replay = fitter.balances, fitter.balances.replay
     fit = selection.fit
-    intervals = fitter.intervals(fit)
+    intervals = fitter.intervals(fit, misfit)
     signals = signals_of(fitter, fit)
     duration = float(replay.time_s[-1])
     scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300

@@ -21,6 +21,9 @@ from .effects import Placed, Workshop
 from .spectra import Bands, Complex, Likelihood
 from .tolerances import UNMOVED, tolerance_records
 
+FORM_ERROR = 0.05
+"""Most that the error of a form widens an interval by, as a share of the effect's size."""
+
 EDGE_S = 30.0
 """Unit of a window's edges in the search [s]."""
 
@@ -98,6 +101,29 @@ class Fitter:
         found = self.likelihood(difference, self._shares)
         return Fit(effects, found.score, difference, found.shares, found.weight)
 
+    def scaled(self, base: Fit, placed: Placed) -> Placed | None:
+        """An effect at the size that a straight line through a small one asks for, on top of a model.
+
+        Probes are spaced widely; what a recording shows may be far smaller than the smallest of them.
+
+        Returns:
+            None where no size in the parameter's range helps.
+        """
+        parameter = placed.effect.parameters[0]
+        neutral = self.workshop.neutral(parameter)
+        if math.isinf(neutral):
+            return None
+        moved = self.predicted(self.workshop.record((*base.effects, placed)))
+        column = moved - self.predicted(self.workshop.record(base.effects))
+        if not np.isfinite(column).all():
+            return None
+        share = self.likelihood.amount(base.weight, base.difference, column)
+        low, high = self.workshop.range_of(parameter.key)
+        value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
+        if abs(value - neutral) <= parameter.least or (value < neutral and not parameter.signed):
+            return None
+        return placed.with_values((value, *placed.values[1:]))
+
     def refined(self, fit: Fit, which: int) -> Fit:
         """Refit one of the effects, the others held."""
         return self._searched(fit, [which], evaluations=40, spread=0.35)
@@ -138,11 +164,17 @@ class Fitter:
             )  # fmt: skip
         return best[0]
 
-    def intervals(self, fit: Fit) -> list[tuple[tuple[float, float], ...]]:
+    def intervals(self, fit: Fit, misfit: float = 0.0) -> list[tuple[tuple[float, float], ...]]:
         """95 % intervals of every effect's values, the nominal numbers free in their tolerances.
 
         From the curvature of the whitened likelihood over steps of one standard error, so that bends
-        inside the interval are felt.
+        inside the interval are felt. An effect's true form is never quite the catalogue's, and the part
+        of the form's error that looks like another value does not show in the residual: it is taken to
+        be as large as the part that does, up to :data:`FORM_ERROR`.
+
+        Args:
+            fit: the model.
+            misfit: rms of what the model leaves beyond noise over that of what there was without it.
         """
         flat = [(i, j) for i, placed in enumerate(fit.effects) for j in range(len(placed.values))]
         if not flat:
@@ -166,7 +198,10 @@ class Fitter:
         found: list[list[tuple[float, float]]] = [[] for _ in fit.effects]
         for (i, j), error in zip(flat, errors, strict=True):
             value = fit.effects[i].values[j]
-            found[i].append((value - 1.96 * error, value + 1.96 * error))
+            neutral = self.workshop.neutral(fit.effects[i].effect.parameters[j])
+            size = abs(value if math.isinf(neutral) else value - neutral)
+            half = math.hypot(1.96 * error, min(misfit, FORM_ERROR) * size)
+            found[i].append((value - half, value + half))
         return [tuple(pairs) for pairs in found]
 
 
@@ -177,12 +212,13 @@ class _Search:
 
     def __init__(self, workshop: Workshop, placed: Placed) -> None:
         self._placed = placed
-        self._neutral, self._sign = [], []
+        self._neutral, self._sign, self._least = [], [], []
         for parameter, value in zip(placed.effect.parameters, placed.values, strict=True):
             neutral = workshop.neutral(parameter)
             base = 0.0 if math.isinf(neutral) else neutral
             self._neutral.append(base)
             self._sign.append(1.0 if value >= base else -1.0)
+            self._least.append(parameter.least)
 
     def point(self) -> NDArray[np.float64]:
         """Coordinates of the effect as it was placed."""
@@ -195,8 +231,10 @@ class _Search:
         point = np.atleast_1d(point)
         count = len(self._neutral)
         values = [
-            n + s * math.exp(min(x, 60.0))
-            for n, s, x in zip(self._neutral, self._sign, point[:count], strict=True)
+            n + s * max(math.exp(min(x, 60.0)), least)
+            for n, s, least, x in zip(
+                self._neutral, self._sign, self._least, point[:count], strict=True
+            )
         ]
         window = self._placed.window
         if window is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from .catalogue import Effect
@@ -101,7 +101,7 @@ class Selector:
         for done, effect in enumerate(pending):
             self.tick(stage, done, len(pending))
             best: Fit | None = None
-            for placed in self.fitter.workshop.trials(effect, self.windows):
+            for placed in self._trials(base, effect):
                 fit = self.fitter.fitted((*base.effects, placed))
                 if best is None or fit.score > best.score:
                     best = fit
@@ -109,6 +109,15 @@ class Selector:
                 found.append(Candidate(effect, best, best.score - base.score))
         self.tick(stage, len(pending), len(pending))
         return sorted(found, key=self._merit, reverse=True)
+
+    def _trials(self, base: Fit, effect: Effect) -> Iterator[Placed]:
+        """An effect at its probes, and at the sizes to which the smallest of them point."""
+        workshop = self.fitter.workshop
+        yield from workshop.trials(effect, self.windows)
+        for small in workshop.smallest(effect, self.windows):
+            placed = self.fitter.scaled(base, small)
+            if placed is not None:
+                yield placed
 
     def _merit(self, candidate: Candidate) -> float:
         return candidate.gain - self.threshold(candidate.effect)

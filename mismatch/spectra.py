@@ -213,6 +213,26 @@ class Likelihood:
         score = float(-2.0 * self._counts @ logdet - shares @ shares)
         return score, np.linalg.inv(covariance)
 
+    def amount(self, weight: Complex, residual: Complex, column: Complex) -> float:
+        """Generalised least squares: how much of a column is in a residual, the regressors free.
+
+        Args:
+            weight: inverse covariance by band.
+            residual: shape (m, frequencies).
+            column: likewise.
+        """
+        k, m = self.shape
+        both = np.concatenate([residual, column])
+        crossed = moments(self.bands, both, self._flat).reshape(-1, 2, m, k, m)
+        with_regressors = 2.0 * np.einsum("bpq,baqkp->ak", weight, crossed).real
+        own = moments(self.bands, both, column).reshape(-1, 2, m, m)
+        with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
+        turned = np.swapaxes(weight, 1, 2).ravel()
+        gram = 2.0 * (self._pairs @ turned).real.reshape(k, k) + np.eye(k)
+        taken = np.linalg.solve(gram, with_regressors[1])
+        rest = with_column[1] - taken @ with_regressors[1]
+        return float((with_column[0] - taken @ with_regressors[0]) / rest) if rest > 0.0 else 0.0
+
     def information(self, weight: Complex, columns: Complex) -> NDArray[np.float64]:
         """Fisher information of columns and regressors together, the prior included.
 

@@ -31,12 +31,11 @@ def tolerance_records(replay: Replay, scale: float = 1.0) -> Iterator[Moved]:
     ship = replay.ship
     known = ship.tolerances
 
-    def off(tolerance: float, *fields: str, power: float = 1.0) -> Iterator[Moved]:
-        """Fields of the record off by a share of themselves, or of what they divide (power -1)."""
+    def off(tolerance: float, field: str, power: float = 1.0) -> Iterator[Moved]:
+        """A field of the record off by a share of itself, or of what it divides (power -1)."""
         if scale * tolerance != 0.0:
             record = ship.record()
-            for field in fields:
-                record[field] = record[field] * (1.0 + scale * tolerance) ** power
+            record[field] = record[field] * (1.0 + scale * tolerance) ** power
             yield record, UNMOVED
 
     def shifted(tolerance: float, field: str, unit: float) -> Iterator[Moved]:
@@ -53,7 +52,8 @@ def tolerance_records(replay: Replay, scale: float = 1.0) -> Iterator[Moved]:
         for record, start in off(known.thrust_curve, "kt"):
             record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
             yield record, start
-    yield from off(known.inertia, "inertia_engine_side", "inertia_propeller_side")
+    for side in ("inertia_engine_side", "inertia_propeller_side"):
+        yield from off(known.inertia, side)
     yield from off(known.torque_curve, "relative_rotative_efficiency", power=-1.0)
     if isinstance(ship.prime_mover, Diesel):
         yield from off(known.torque_per_rack, "torque_per_rack")

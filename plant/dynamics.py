@@ -132,7 +132,7 @@ def evaluate(
             torque_rate = (brake - state.brake_torque) / plant.engine_lag
             brake = state.brake_torque
     elif plant.prime_mover == DC_MOTOR:
-        voltage = applied_voltage(plant, inputs.drive)
+        voltage = applied_voltage(plant, inputs.drive, engine_speed)
         if plant.armature_inductance > 0.0:
             current = state.motor_current
             current_rate = motor_current_rate(plant, voltage, engine_speed, current)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from .compiled import Real, Record, compiled
 from .propeller import clip
 
@@ -61,16 +63,24 @@ def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 
 @compiled
-def applied_voltage(plant: Record, demand: Real) -> Real:
-    """Voltage [V] at the armature for a demand [V] inside the end stops.
+def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
+    """Voltage [V] at the armature for a demand [V] inside the end stops, at a motor speed [rad/s].
 
     Demands within ``command_dead_zone`` give none and short the armature; beyond it the dead zone is
-    taken off. The supply gives no more than ``supply_limit``.
+    taken off. The supply gives no more than ``supply_limit``, and lets its voltage go as far as it takes
+    to hold the current at ``supply_current_limit``.
     """
     voltage = demand
     if plant.command_dead_zone > 0.0:
         voltage = demand - clip(demand, -plant.command_dead_zone, plant.command_dead_zone)
-    return clip(voltage, -plant.supply_limit, plant.supply_limit)
+    voltage = clip(voltage, -plant.supply_limit, plant.supply_limit)
+    if plant.supply_current_limit < math.inf:
+        back, span = (
+            plant.motor_constant * motor_speed,
+            plant.armature_resistance * plant.supply_current_limit,
+        )
+        voltage = clip(voltage, back - span, back + span)
+    return voltage
 
 
 @compiled

@@ -219,7 +219,8 @@ def propeller_load(
         ventilation: degree of ventilation, 0 (none) to 1 (full).
 
     The polynomials know ahead rotation only; astern their coefficients act with n |n|, so thrust and
-    torque turn round with the shaft (four quadrants have curves of their own).
+    torque turn round with the shaft (four quadrants have curves of their own), times
+    ``astern_load_fraction``: blades whose sections are made for one direction load less in the other.
 
     Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D:
     Delta KT = -0.3 (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.
@@ -251,6 +252,9 @@ def propeller_load(
         loss = cavitation_loss(plant, n, submergence)
         kt_n2 = kt_n2 * (1.0 - loss)
         kq_n2 = kq_n2 * (1.0 - loss * plant.cavitation_torque_share)
+    if n.real < 0.0:
+        kt_n2 = kt_n2 * plant.astern_load_fraction
+        kq_n2 = kq_n2 * plant.astern_load_fraction
     kt_n2 = kt_n2 * (1.0 - ventilation * plant.ventilation_thrust_loss)
     kq_n2 = kq_n2 * (1.0 - ventilation * plant.ventilation_torque_loss)
     force = plant.density * plant.diameter**4

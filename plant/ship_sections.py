@@ -133,6 +133,10 @@ class Propeller(Section):
     inflow_lag_s: float = _effect(
         0.0, "first-order lag of the inflow", "s", record="inflow_lag", ge=0, le=60
     )
+    astern_load_fraction: float = _effect(
+        1.0, "thrust and torque of a shaft that turns astern / by the curves",
+        record="astern_load_fraction", ge=0.1, le=5,
+    )  # fmt: skip
     cavitation_breakdown: float = _effect(
         0.0, "thrust lost per unit deficit of cavitation number", record="cavitation_breakdown",
         ge=0, le=3,
@@ -293,6 +297,10 @@ class DcMotor(Section):
         INF, "highest voltage that reaches the armature, either way", "V", record="supply_limit",
         gt=0,
     )  # fmt: skip
+    supply_current_limit_A: float = _effect(
+        INF, "highest current that the supply gives, either way", "A",
+        record="supply_current_limit", gt=0,
+    )  # fmt: skip
 
 
 class TorqueSource(Section):
@@ -390,17 +398,17 @@ def _known_to(tolerance: float, description: str) -> Any:
 class Tolerances(Section):
     """How far the nominal numbers may be off before a diagnosis calls it missing physics."""
 
-    resistance: float = _known_to(0.008, "the resistance, as a share of it")
-    mass: float = _known_to(0.01, "the ship's mass, as a share of it")
-    wake_fraction: float = _known_to(0.003, "the wake fraction w, added to it")
-    thrust_curve: float = _known_to(0.004, "the propeller's KT, as a share of it")
-    torque_curve: float = _known_to(0.004, "the propeller's KQ, as a share of it")
-    inertia: float = _known_to(0.01, "both inertias of the shaft, as a share of them")
-    torque_per_rack: float = _known_to(0.003, "the diesel's b, as a share of it")
-    torque_offset: float = _known_to(0.002, "the diesel's c, as a share of its highest torque")
-    motor_constant: float = _known_to(0.004, "the motor's K_e, as a share of it")
-    armature_resistance: float = _known_to(0.005, "the motor's R_a, as a share of it")
-    pitch_time_constant: float = _known_to(0.02, "the pitch actuator's tau_p, as a share of it")
+    resistance: float = _known_to(0.004, "the resistance, as a share of it")
+    mass: float = _known_to(0.005, "the ship's mass, as a share of it")
+    wake_fraction: float = _known_to(0.0015, "the wake fraction w, added to it")
+    thrust_curve: float = _known_to(0.002, "the propeller's KT, as a share of it")
+    torque_curve: float = _known_to(0.002, "the propeller's KQ, as a share of it")
+    inertia: float = _known_to(0.005, "each inertia of the shaft, as a share of it")
+    torque_per_rack: float = _known_to(0.0015, "the diesel's b, as a share of it")
+    torque_offset: float = _known_to(0.001, "the diesel's c, as a share of its highest torque")
+    motor_constant: float = _known_to(0.002, "the motor's K_e, as a share of it")
+    armature_resistance: float = _known_to(0.0025, "the motor's R_a, as a share of it")
+    pitch_time_constant: float = _known_to(0.01, "the pitch actuator's tau_p, as a share of it")
 
 
 _Knot = Annotated[float, Field(ge=-1e9, le=1e9)]

@@ -31,7 +31,7 @@ WITH_THRUST = "owners' constants, thrust read too"
 OWNERS_DEAD_ZONE_V = 0.845
 """Mean of the dead zone in the owners' own file, 0.83 V astern and 0.86 V ahead."""
 
-TOLERANCE = 4.0
+TOLERANCE = 8.0
 """Factor on the usual tolerances: the owners' constants are a start, not the truth."""
 
 BEFORE_S, AFTER_S = 0.08, 0.2

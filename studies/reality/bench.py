@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.linalg import solve_banded
 
 from .numbers import EFFECTS, Numbers
 
@@ -139,8 +140,9 @@ def _motor(volt: float, y: Any, n: Any, rate: Any) -> Any:
 def rates(t: float, y: Any, n: Any, volts: Any, period: float) -> Any:
     """Time derivative of shaft speed, flow, heat and the cogging's angle.
 
-    Each demand is held over its sample. Small steps of it are drawn out to a line through the samples'
-    middles, which brings the shaft to the same speed at their ends and does not halt the integration.
+    Each demand is held over its sample. Small steps of it are drawn out to a line through ``volts`` at
+    the samples' middles, which brings the shaft to the same speed at their ends (:func:`_drawn_out`) and
+    does not halt the integration.
     """
     place = min(max(t / period - 0.5, 0.0), len(volts) - 1.0)
     k = min(int(place), max(len(volts) - 2, 0))
@@ -148,6 +150,16 @@ def rates(t: float, y: Any, n: Any, volts: Any, period: float) -> Any:
     rate = np.zeros(4)
     _motor(volts[k] + (place - k) * (following - volts[k]), y, n[0], rate)
     return rate
+
+
+def _drawn_out(volts: Floats) -> Floats:
+    """Corners at the samples' middles of a line whose mean over each sample is the demand held there."""
+    if len(volts) < 2:
+        return volts
+    bands = np.full((3, len(volts)), 0.125)
+    bands[1] = 0.75
+    bands[1, [0, -1]] = 0.875  # level from the middle of the first and the last sample outwards
+    return np.asarray(solve_banded((1, 1), bands, volts))
 
 
 @compiled
@@ -183,7 +195,7 @@ def run_bench(numbers: Numbers, volts: Floats, period: float) -> pd.DataFrame:
         part = solve_ivp(
             rates, (0.0, (end - begin) * period), state, method="RK45", rtol=1e-5, atol=1e-5,
             t_eval=np.arange(end - begin + 1) * period,
-            args=(record, demand[begin:end], period),
+            args=(record, _drawn_out(demand[begin:end]), period),
         )  # fmt: skip
         states[begin:end] = part.y.T[:-1]
         state = states[end] = part.y[:, -1]

@@ -76,7 +76,9 @@ ON_THE_TUG: list[tuple[str, dict[str, Any]]] = [
     ("viscous-friction", {"transmission.viscous_friction_engine_side_N_m_s_rad": 4e-4}),
     ("quadratic-drag", {"transmission.quadratic_drag_N_m_s2_rad2": 8e-6}),
     ("direction-asymmetry", {"prime_mover.reverse_torque_fraction": 0.8}),
+    ("direction-asymmetry", {"propeller.astern_load_fraction": 0.3}),
     ("supply-limit", {"prime_mover.supply_limit_V": 6.5}),
+    ("supply-limit", {"prime_mover.supply_current_limit_A": 1.0}),
 ]
 
 

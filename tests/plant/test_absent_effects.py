@@ -83,7 +83,9 @@ PLANT_EFFECTS = [
 MOTOR_EFFECTS = [
     effect("command-dead-zone", "prime_mover.command_dead_zone_V", 1.5),
     effect("direction-asymmetry", "prime_mover.reverse_torque_fraction", 0.8, 1.0),
+    effect("direction-asymmetry", "propeller.astern_load_fraction", 0.8, 1.0),
     effect("supply-limit", "prime_mover.supply_limit_V", 5.0, INF),
+    effect("supply-limit", "prime_mover.supply_current_limit_A", 1.0, INF),
 ]
 
 SENSOR_EFFECTS = [
@@ -194,7 +196,8 @@ NOMINAL = {
 def test_every_optional_number_of_a_motor_is_nominal_or_a_covered_effect() -> None:
     fields = type(load_ship("tito-neri-sine").prime_mover).model_fields
     optional = {name for name, info in fields.items() if not info.is_required()}
-    covered = {key.removeprefix("prime_mover.") for one in MOTOR_EFFECTS for key in one.neutral}
+    keys = [key.split(".") for one in MOTOR_EFFECTS for key in one.neutral]
+    covered = {name for section, name in keys if section == "prime_mover"}
     assert optional == covered | {"armature_inductance_H"}
 
 
@@ -204,7 +207,7 @@ def test_every_optional_number_is_nominal_or_a_covered_effect(frigate: Ship, sec
     optional = {name for name, info in fields.items() if not info.is_required()}
     covered = {
         key.removeprefix(f"{section}.")
-        for effect in PLANT_EFFECTS + SENSOR_EFFECTS
+        for effect in PLANT_EFFECTS + MOTOR_EFFECTS + SENSOR_EFFECTS
         for key in (*effect.neutral, *effect.companions)
     }
     assert optional - NOMINAL[section] <= covered

@@ -18,7 +18,7 @@ def tug(**values: float) -> Ship:
 )
 def test_dead_zone_is_taken_off_before_the_supply_limits(demand: float, voltage: float) -> None:
     plant = tug(command_dead_zone_V=0.5, supply_limit_V=6.0).record()
-    assert applied_voltage(plant, demand) == pytest.approx(voltage, rel=1e-15)
+    assert applied_voltage(plant, demand, 0.0) == pytest.approx(voltage, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def test_dead_zone_is_taken_off_before_the_supply_limits(demand: float, voltage:
 )
 def test_voltage_has_an_exact_slope(demand: float, slope: float) -> None:
     plant = tug(command_dead_zone_V=0.5, supply_limit_V=6.0).record()
-    assert complex(applied_voltage(plant, demand + 1e-30j)).imag / 1e-30 == slope
+    assert complex(applied_voltage(plant, demand + 1e-30j, 0.0)).imag / 1e-30 == slope
 
 
 def test_motor_under_a_dead_zone_runs_as_one_with_less_voltage() -> None:
