@@ -138,7 +138,9 @@ def pitch_swapped(table: pd.DataFrame, interval_s: float, ship: Ship) -> bool:
         start = [(1.0 - share) * values[0]]
         return np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=start)[0])
 
-    forward, backward = np.std(after(command) - measured), np.std(after(measured) - command)
+    # both misfits smoothed alike, so that the measured one's noise speaks for neither order
+    forward = np.std(after(after(command) - measured))
+    backward = np.std(after(after(measured) - command))
     return bool(backward < _FOLLOWS * forward)
 
 
