@@ -95,9 +95,9 @@ class Selector:
 
     def screen(self, base: Fit, stage: str) -> list[Candidate]:
         """Every effect at the best of its probes on top of a model, best first."""
-        taken = {placed.effect.label for placed in base.effects}
+        taken = {(placed.effect.id, placed.effect.balance) for placed in base.effects}
         found = []
-        pending = [effect for effect in self.effects if effect.label not in taken]
+        pending = [e for e in self.effects if (e.id, e.balance) not in taken]
         for done, effect in enumerate(pending):
             self.tick(stage, done, len(pending))
             best: Fit | None = None
