@@ -65,7 +65,7 @@ The tool never sees the judged runs, but whoever set it up did: the rows left ou
 tolerances and the channels were settled with the results of all nine runs in view, so the ratios above
 are not those of a trial laid down beforehand. What was tried on the way, with the tool as it stood:
 
-- Factors of 1, 3, 4, 5 and 8 on the tolerances, reversals kept, one split: the same name, the loss
+- Factors of 2, 6, 8, 10 and 16 on the tolerances, reversals kept, one split: the same name, the loss
   within 0.02 V, the ratios on sine and ramp hardly moved.
 - All rows kept, only the steps' reversals left out, or all reversals left out (as here). With all rows
   kept, one of three splits came out `unexplained` and missed the target.
