@@ -1,1 +1,5 @@
-"""Evaluation of controllers, classic and learned; training of policies is still to come."""
+"""Training of policies, and evaluation of controllers, classic and learned."""
+
+from .policy import load
+
+__all__ = ["load"]

@@ -16,8 +16,9 @@ class EpisodeSums:
     def __init__(self, n: int) -> None:
         self.count, self.fuel, self.error, self.torque, self.square = np.zeros((5, n))
         self.peak, self.travel, self.overload, self.overspeed = np.zeros((4, n))
+        self.fastest = np.zeros(n)
         self.cavitation, self.ventilation, self.thrust, self.reward = np.zeros((4, n))
-        self.power, self.power_peak, self.distance = np.zeros((3, n))
+        self.power, self.power_peak, self.distance, self.short = np.zeros((4, n))
         self.failed = np.zeros(n, dtype=bool)
 
     def add(
@@ -36,9 +37,12 @@ class EpisodeSums:
         self.count += alive
         self.fuel += alive * terms["fuel_kg_s"] * interval
         self.error += alive * (info["ship_speed"] - order) ** 2
+        self.short += alive * (order - info["ship_speed"])
         self.torque += alive * torque
         self.square += alive * torque**2
         self.peak = np.where(alive, np.maximum(self.peak, torque), self.peak)
+        speed = info["shaft_speed"]
+        self.fastest = np.where(alive, np.maximum(self.fastest, speed), self.fastest)
         self.travel += alive * terms["rack_travel_mm"]
         self.overload += alive * (terms["overload"] > 0.0) * interval
         self.overspeed += alive * (terms["overspeed"] > 0.0) * interval
@@ -57,10 +61,13 @@ class EpisodeSums:
             {
                 "fuel_kg_nmi": self.fuel / np.maximum(self.distance, 1.0) * _NAUTICAL_MILE,
                 "speed_error_rms_m_s": np.sqrt(self.error / self.count),
+                "speed_mean_m_s": self.distance / (self.count * interval),
+                "speed_short_m_s": self.short / self.count,
                 "torque_sd_kN_m": np.sqrt(np.maximum(self.square / self.count - mean**2, 0.0)),
                 "torque_peak_kN_m": self.peak,
                 "rack_travel_mm_min": self.travel / (self.count * interval) * 60.0,
                 "overload_s": self.overload,
+                "shaft_speed_peak_rad_s": self.fastest,
                 "overspeed_s": self.overspeed,
                 "cavitation_s": self.cavitation,
                 "ventilation_s": self.ventilation,

@@ -17,6 +17,7 @@ from scipy import stats
 from ..baselines.interface import Controller
 from ..envs import FrigateVectorEnv
 from ..envs.kernel import TRUTH
+from ..envs.tasks import Task
 from ..plant import load_ship
 from ..plant.sweep import source_digest, sweep
 from .episode_sums import EpisodeSums
@@ -24,10 +25,13 @@ from .episode_sums import EpisodeSums
 KPIS = {
     "fuel_kg_nmi": "fuel per nautical mile [kg]",
     "speed_error_rms_m_s": "rms of ship speed minus order [m/s]",
+    "speed_mean_m_s": "distance over time [m/s]",
+    "speed_short_m_s": "mean of order minus ship speed [m/s]",
     "torque_sd_kN_m": "standard deviation of the shaft torque [kN m]",
     "torque_peak_kN_m": "highest shaft torque [kN m]",
     "rack_travel_mm_min": "travel of the rack command [mm/min]",
     "overload_s": "time beyond the engine's envelope [s]",
+    "shaft_speed_peak_rad_s": "highest shaft speed [rad/s]",
     "overspeed_s": "time beyond the engine's highest speed [s]",
     "cavitation_s": "time beyond Burrill's limit [s]",
     "ventilation_s": "time ventilating [s]",
@@ -42,7 +46,12 @@ KPIS = {
 
 @dataclass(frozen=True)
 class Setting:
-    """One cell of an evaluation."""
+    """One cell of an evaluation.
+
+    Args:
+        task_model: the task itself, where it is not the one that ``task`` names.
+        first_seed: seeds run from here.
+    """
 
     controller: str
     task: str
@@ -52,23 +61,32 @@ class Setting:
     ship: str = "frigate"
     episode_s: float = 300.0
     sensor_noise: float = 1.0
+    task_model: Task | None = None
+    first_seed: int = 0
 
     @property
     def name(self) -> str:
         """File name of the cell; differs where any field differs."""
-        text = "_".join(str(value) for value in asdict(self).values())
+        fields = asdict(self)
+        del fields["task_model"]
+        if not self.first_seed:  # cells had no such field at first; their names stay
+            del fields["first_seed"]
+        text = "_".join(map(str, fields.values()))
         return "".join(c if c.isalnum() or c in "-._" else "-" for c in text)
 
 
 def run(
-    setting: Setting, controller: Controller, first_seed: int = 0, threads: int | None = None
+    setting: Setting,
+    controller: Controller,
+    first_seed: int | None = None,
+    threads: int | None = None,
 ) -> tuple[pd.DataFrame, NDArray[np.float64]]:
     """Sail one episode a seed.
 
     Args:
         setting: task, sea, observer and so on; ``sea`` ``task`` leaves the choice to the task.
         controller: with ``predict``.
-        first_seed: seeds run from here; equal seeds meet equal seas whatever the controller.
+        first_seed: in place of the setting's; equal seeds meet equal seas whatever the controller.
         threads: that step the episodes; the machine's cores by default. They change no figure.
 
     Returns:
@@ -79,7 +97,7 @@ def run(
         setting.seeds,
         threads=threads,
         ship=setting.ship,
-        task=setting.task,
+        task=setting.task_model or setting.task,
         sea=None if setting.sea == "task" else setting.sea,
         observer=setting.observer,
         sensor_noise=setting.sensor_noise,
@@ -87,7 +105,7 @@ def run(
     )
     interval = env.fleet.steps * env.fleet.dt
     gear = env.fleet.ship.transmission.gear_ratio
-    observation, _ = env.reset(seed=first_seed)
+    observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
     sums = EpisodeSums(setting.seeds)
     alive = np.ones(setting.seeds, dtype=bool)
     starting = alive.copy()
@@ -123,15 +141,17 @@ def interquartile_mean(values: Any, axis: int = -1) -> Any:
     return stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
 
 
-def with_interval(values: Any, seed: int = 0) -> tuple[float, float, float]:
-    """Interquartile mean with its 95 % percentile bootstrap interval."""
+def with_interval(
+    values: Any, seed: int = 0, statistic: Callable[..., Any] = interquartile_mean
+) -> tuple[float, float, float]:
+    """Interquartile mean, or another statistic, with its 95 % percentile bootstrap interval."""
     sample = np.asarray(values, dtype=np.float64)
-    middle = float(interquartile_mean(sample))
+    middle = float(statistic(sample))
     if len(sample) < 3 or np.ptp(sample) == 0.0:
         return middle, middle, middle
     found = stats.bootstrap(
         (sample,),
-        interquartile_mean,
+        statistic,
         n_resamples=1000,
         method="percentile",
         rng=np.random.default_rng(seed),
@@ -156,7 +176,34 @@ class Evaluation(NamedTuple):
     """Of each cell its first episode, with columns :data:`TRACE`, to six digits."""
 
 
+class Episodes(NamedTuple):
+    """What is kept of a cell."""
+
+    kpis: pd.DataFrame
+    """One row a seed, columns :data:`KPIS`."""
+    trace: pd.DataFrame
+    """The first seed's episode, columns :data:`TRACE`, to six digits."""
+
+
 def evaluate(
+    settings: Sequence[Setting],
+    make: Callable[[Setting], Controller],
+    folder: Path,
+    **spread: Any,
+) -> Evaluation:
+    """Sail every setting and sum it up; arguments as of :func:`episodes`."""
+    found = episodes(settings, make, folder, **spread)
+    rows = []
+    for setting, kept in zip(settings, found, strict=True):
+        row: dict[str, Any] = asdict(setting)
+        del row["task_model"]  # no cell of a table
+        for name, (middle, low, high) in summary(kept.kpis).items():
+            row |= {name: middle, f"{name}_low": low, f"{name}_high": high}
+        rows.append(row)
+    return Evaluation(pd.DataFrame(rows), [kept.trace for kept in found])
+
+
+def episodes(
     settings: Sequence[Setting],
     make: Callable[[Setting], Controller],
     folder: Path,
@@ -165,8 +212,8 @@ def evaluate(
     backend: str = "processes",
     scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> Evaluation:
-    """Evaluate every setting; cells that already stand in the folder are not sailed again.
+) -> list[Episodes]:
+    """Sail every setting; cells that already stand in the folder are not sailed again.
 
     Args:
         settings: cells, each once.
@@ -187,13 +234,9 @@ def evaluate(
     found = sweep(
         work, cells, folder / "cells", jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
     )
-    rows = []
-    for setting, kept in zip(settings, found.values(), strict=True):
-        row: dict[str, Any] = asdict(setting)
-        for name, (middle, low, high) in summary(pd.DataFrame(kept["kpis"])).items():
-            row |= {name: middle, f"{name}_low": low, f"{name}_high": high}
-        rows.append(row)
-    return Evaluation(pd.DataFrame(rows), [pd.DataFrame(kept["trace"]) for kept in found.values()])
+    return [
+        Episodes(pd.DataFrame(kept["kpis"]), pd.DataFrame(kept["trace"])) for kept in found.values()
+    ]
 
 
 def _sail(

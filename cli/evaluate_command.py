@@ -10,9 +10,9 @@ import numpy as np
 import typer
 from matplotlib.image import imsave
 
+from ..agents.controllers import known, label, make_controller
 from ..agents.evaluation import KPIS, Setting
 from ..agents.evaluation import evaluate as evaluate_all
-from ..baselines.catalogue import CONTROLLERS, make_controller
 from ..baselines.interface import Controller
 from ..envs import FrigateEnv, get_task, tasks
 from ..observers import get_observer, observer_names
@@ -33,7 +33,7 @@ _SHOWN = (
 def evaluate(
     controller: Annotated[
         list[str],
-        typer.Option(help=f"NAME or NAME:option=number; repeatable. {', '.join(CONTROLLERS)}."),
+        typer.Option(help=f"NAME, NAME:option=number or policy:FILE; repeatable. {known()}."),
     ],
     task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "transit",
     sea: Annotated[
@@ -71,8 +71,13 @@ def evaluate(
     `shaftline[cluster]` on all, run `dask scheduler` on one and `dask worker ADDRESS` on each, and give
     `--backend dask --scheduler ADDRESS`. The figures are the same to the last digit.
 
-    Example:
+    A policy from `shaftline train` is given as `policy:FILE`. It must have been trained for this ship,
+    these observations and this control interval; where it was not, the message says what differs.
+
+    Examples:
         shaftline evaluate --controller combinator --controller cpp-optimiser --task transit
+
+        shaftline evaluate --controller policy:out/train/transit-ppo-0/policy.npz --controller combinator
     """
     with clear_errors():
         check_backend(jobs, backend, scheduler)
@@ -86,8 +91,11 @@ def evaluate(
             if name != "task":
                 get_sea(name)
         sailed = _task_ship(vessel, task)
-        made = {text: make_controller(text, sailed, _INTERVAL) for text in controller}
-        grid = itertools.product(*map(dict.fromkeys, (controller, sea, observer)))
+        made: dict[str, Controller] = {}
+        for text in controller:
+            commander = make_controller(text, sailed, _INTERVAL)
+            made[label(text)] = commander
+        grid = itertools.product(*map(dict.fromkeys, (made, sea, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]
 
         def make(setting: Setting) -> Controller:

@@ -14,6 +14,7 @@ from . import (
     reproduce_command,
     simulate_command,
     tour_command,
+    train_command,
 )
 
 app = typer.Typer(
@@ -28,6 +29,7 @@ app = typer.Typer(
 app.command("tour")(tour_command.tour)
 app.command("simulate")(simulate_command.simulate)
 app.command("reproduce")(reproduce_command.reproduce)
+app.command("train")(train_command.train)
 app.command("evaluate")(evaluate_command.evaluate)
 app.command("diagnose")(diagnose_command.diagnose)
 app.command("prove")(prove_command.prove)

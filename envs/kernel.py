@@ -39,6 +39,7 @@ EPISODE = np.dtype(
         ("pitch_command", np.float64),
         ("drive", np.float64),
         ("gauge_torque", np.float64),  # last sample [N m]
+        ("mean_torque", np.float64),  # over the last MEAN_S [N m]
         ("measured_shaft_speed", np.float64),  # last reading, for the governor [rad/s]
         ("integral", np.float64),  # of the governor [mm]
     ],
@@ -66,6 +67,8 @@ TRUTH = (
 """What ``info`` tells of the truth."""
 
 N_OBSERVED, N_TERMS, N_TRUTH = len(OBSERVED), len(TERMS), len(TRUTH)
+
+MEAN_S = 20.0  # over which a torque's mean is taken
 
 OVERSPEED_TRIP = 1.15  # of the engine's highest speed
 STALL = 0.3  # of its lowest
@@ -141,7 +144,7 @@ def first_observation(
             plants[i], states[i], memories[i], seas[i], episodes[i].pitch_command,
             disturbance(episodes[i], 0.0), dt,
         )  # fmt: skip
-        episodes[i].gauge_torque = outputs.shaft_torque
+        episodes[i].gauge_torque = episodes[i].mean_torque = outputs.shaft_torque
         _measure(
             memories[i], observers[i], estimates[i], episodes[i], noise,
             states[i].shaft_speed, outputs.shaft_acceleration, outputs.advance_velocity,
@@ -199,7 +202,7 @@ def control_interval(
         estimates: ESTIMATE.
         episodes: EPISODE.
         noise: NOISE record.
-        weights: of the reward terms, shape (7,).
+        weights: of the reward terms, shape (10,).
         gains: of the governor: shaft speed, k_p, k_i by row, shape (3, m); shape (3, 0) leaves the
             rack to the action.
         action: in [-1, 1], shape (n, 2), over the ship's ranges: pitch command, and fuel rack command
@@ -209,7 +212,7 @@ def control_interval(
         first: first environment.
         last: one past the last.
         observation: shape (n, 8), filled.
-        terms: reward terms in physical units, mean over the interval, shape (n, 7), filled.
+        terms: reward terms in physical units, mean over the interval, shape (n, 10), filled.
         reward: minus the weighted sum of the terms, shape (n,), filled.
         truth: the quantities of :data:`TRUTH` at the interval's last step, shape (n, 9), filled.
         ended: RUNNING, STALLED or TRIPPED, shape (n,), filled.
@@ -261,7 +264,10 @@ def control_interval(
             total[3] += part * rate * 1e-3
             total[5] += part * max(burrill - 1.0, 0.0)
             total[6] += part * max(engine_speed / plant.engine_speed_max - 1.0, 0.0)
+            total[7] += part * (ship_speed - order) ** 2
             episode.gauge_torque = outputs.shaft_torque
+            episode.mean_torque += dt / MEAN_S * (outputs.shaft_torque - episode.mean_torque)
+            total[8] += part * 1e-3 * abs(outputs.shaft_torque - episode.mean_torque)
             truth[i, 0] = outputs.advance_velocity
             truth[i, 1] = outputs.thrust
             truth[i, 2] = fuel
@@ -275,12 +281,13 @@ def control_interval(
                 memory, observers[i], estimates[i], episode, noise, shaft_speed,
                 outputs.shaft_acceleration, outputs.advance_velocity, log, observation[i], order,
             )  # fmt: skip
-        reward[i] = 0.0
-        for k in range(len(weights)):
-            reward[i] -= weights[k] * total[k]
         engine_speed = plant.gear_ratio * state.shaft_speed
         if not engine_speed > STALL * plant.engine_speed_min:
             ended[i] = STALLED
         if engine_speed > OVERSPEED_TRIP * plant.engine_speed_max:
             ended[i] = TRIPPED
+        total[9] = 0.0 if ended[i] == RUNNING else 1.0
+        reward[i] = 0.0
+        for k in range(len(weights)):
+            reward[i] -= weights[k] * total[k]
         episode.elapsed += 1

@@ -26,10 +26,31 @@ class Weights(_Model):
     rack_travel_mm: float = Field(ge=0, description="|change of the rack command|")
     cavitation: float = Field(ge=0, description="thrust loading beyond Burrill's limit, as share")
     overspeed: float = Field(ge=0, description="engine speed beyond its highest, as share")
+    speed_error_squared_m2_s2: float = Field(
+        0.0, ge=0, description="(ship speed - order)^2, which forgives the small"
+    )
+    torque_swing_kN_m: float = Field(
+        0.0,
+        ge=0,
+        description="|M_m - its mean over the last 20 s|: what a standard deviation counts",
+    )
+    failure: float = Field(
+        500.0,
+        ge=0,
+        description="once, where the engine stalls or trips: else ending early would pay",
+    )
 
 
 TERMS = tuple(Weights.model_fields)
 """Reward terms, in the order of the kernels."""
+
+
+class HeldOut(_Model):
+    """What a task's training never draws, to judge on."""
+
+    seas: tuple[str, ...] = Field(min_length=1)
+    resistance_rise: tuple[float, float]
+    resistance_swing: float = Field(ge=0, lt=1)
 
 
 class Task(_Model):
@@ -43,6 +64,11 @@ class Task(_Model):
     resistance_swing: float = Field(ge=0, lt=1, description="amplitude of the slow swing")
     weights: Weights
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
+    held_out: HeldOut | None = None
+
+
+HELD_OUT = "held-out"
+"""Behind a task's name and a colon: the seas and resistances that its training never draws."""
 
 
 class TaskError(ValueError):
@@ -57,7 +83,7 @@ def tasks() -> dict[str, Task]:
 
 
 def get_task(task: str | Task | dict[str, Any]) -> Task:
-    """A task by name, or made from a dictionary of its fields.
+    """A task by name (``transit``, or ``transit:held-out``), or made from a dictionary of its fields.
 
     Raises:
         TaskError: unknown name, or fields that are missing, unknown or out of range.
@@ -69,6 +95,12 @@ def get_task(task: str | Task | dict[str, Any]) -> Task:
             return Task.model_validate(task)
         except ValidationError as error:
             raise TaskError(f"task: {error}") from None
-    if task not in tasks():
-        raise TaskError(f"unknown task {task!r}; known: {', '.join(tasks())}")
-    return tasks()[task]
+    name, _, part = task.partition(":")
+    if name not in tasks() or part not in ("", HELD_OUT):
+        raise TaskError(
+            f"unknown task {task!r}; known: {', '.join(tasks())}, and each with :{HELD_OUT}"
+        )
+    found = tasks()[name]
+    if part and found.held_out is not None:
+        found = found.model_copy(update=dict(found.held_out))
+    return found

@@ -1,0 +1,185 @@
+"""``shaftline train``."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import typer
+
+from ..agents import load
+from ..envs import get_task, tasks
+from ..observers import get_observer
+from ..plant import load_ship
+from .console import clear_errors, console, print_table, stages
+
+_OBSERVER = "random-walk-kalman"
+_CURVE = {
+    "steps": "steps", "reward": "reward", "fuel_kg_nmi": "fuel [kg/nmi]",
+    "speed_error_rms_m_s": "speed error rms [m/s]", "torque_sd_kN_m": "torque sd [kN m]",
+    "failed": "failed [share]",
+}  # fmt: skip
+
+
+class Device(StrEnum):
+    """Where the network learns."""
+
+    AUTO = "auto"
+    CPU = "cpu"
+    CUDA = "cuda"
+
+
+def train(
+    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "transit",
+    algorithm: Annotated[str, typer.Option(help="`ppo` or `sac`.")] = "ppo",
+    recipe: Annotated[
+        Path | None,
+        typer.Option(
+            help="Hyperparameters, FILE.yml with a section a task.",
+            show_default="the package's own",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Equal seeds give equal policies.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for policy, curve and checkpoints.",
+            show_default="out/train/TASK-ALGORITHM-SEED",
+        ),
+    ] = None,
+    observer: Annotated[
+        str | None, typer.Option(help="Observer whose estimate it sees.", show_default="recipe's")
+    ] = None,
+    timesteps: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Control intervals, all environments together.", show_default="recipe's"
+        ),
+    ] = None,
+    envs: Annotated[
+        int | None,
+        typer.Option(min=1, max=4096, help="Environments at once.", show_default="recipe's"),
+    ] = None,
+    ship: Annotated[str, typer.Option(help="Ship: a preset or a .toml file.")] = "frigate",
+    device: Annotated[
+        Device, typer.Option(help="`auto` takes a GPU where there is one.")
+    ] = Device.AUTO,
+    sensor_noise: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="1: the usual instruments, 0: perfect ones.",
+            show_default="recipe's, or 1",
+        ),
+    ] = None,
+) -> None:
+    """Train a policy for pitch and fuel rack.
+
+    The training is cut into legs. After each, the policy is judged on seas that it has not been trained
+    on, and a row is added to the curve; the best leg's policy becomes `policy.npz` in the output folder:
+    one file with weights, normalisation and the whole recipe, which sails without torch.
+
+    Stop with Ctrl-C and give the same command again: it goes on behind the last whole leg and ends in
+    the same policy as if it had never been stopped. Another recipe, seed or ship needs another folder.
+
+    To try something, copy the package's recipe, change it and give it with `--recipe`; its keys are
+    those of stable-baselines3, and docs/train.md explains those that stand beside them.
+
+    To watch the losses, if tensorboard is installed (it comes with `shaftline[train]`):
+    `tensorboard --logdir OUT/log`.
+
+    Examples:
+        shaftline train --task transit --algorithm ppo
+
+        shaftline train --seed 1 --observer luenberger --out out/train/luenberger
+
+        shaftline train --recipe mine.yml --timesteps 200000 --envs 32 --out out/train/mine
+
+        shaftline evaluate --controller policy:out/train/transit-ppo-0/policy.npz --controller combinator
+    """
+    with clear_errors():
+        get_task(task)
+        load_ship(ship)
+        if observer is not None:
+            get_observer(observer)
+        read_recipe, training = _learning()
+        given = {"observer": observer, "sensor_noise": sensor_noise}
+        sizes = {"n_timesteps": timesteps, "n_envs": envs}
+        plan = read_recipe(
+            algorithm, task, recipe,
+            env_kwargs={key: value for key, value in given.items() if value is not None},
+            **{key: value for key, value in sizes.items() if value is not None},
+        )  # fmt: skip
+        folder = out or Path("out/train") / f"{task}-{algorithm}-{seed}"
+        if folder.exists() and not folder.is_dir():
+            raise ValueError(f"--out {folder}: is a file; a folder is needed")
+        _check_device(device)
+        before = _legs(folder)
+        if before:
+            _say(f"{folder}: {before} legs are there already")
+        try:
+            with stages("training") as tick:
+                policy = training.train(
+                    plan, seed, folder, ship=ship, device=device.value,
+                    tick=lambda done, total, said: tick(said, done, total),
+                )  # fmt: skip
+        except KeyboardInterrupt:
+            _say(f"stopped after {_legs(folder)} whole legs; the same command goes on from there")
+            raise typer.Exit(130) from None
+        if before == _legs(folder):
+            _say("nothing was left to do")
+        _print(policy, folder, task, plan.env_kwargs.get("observer", _OBSERVER))
+
+
+def _learning() -> tuple[Any, Any]:
+    """What needs the extra: ``read_recipe`` and the module that trains."""
+    try:
+        from ..agents import training
+        from ..agents.recipe import read_recipe
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"training needs {error.name}, which is not installed: pip install 'shaftline[train]'"
+        ) from None
+    return read_recipe, training
+
+
+def _check_device(device: Device) -> None:
+    import torch
+
+    if device is Device.CUDA and not torch.cuda.is_available():
+        raise ValueError("--device cuda: torch sees no GPU here; give cpu or auto")
+
+
+def _legs(folder: Path) -> int:
+    note = folder / "curve.json"
+    return len(json.loads(note.read_text(encoding="utf-8"))) if note.is_file() else 0
+
+
+def _say(text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def _print(path: Path, folder: Path, task: str, observer: str) -> None:
+    """The curve, where the time went, and what to do next."""
+    policy = load(path)
+    curve = pd.DataFrame(policy.curve)
+    chosen = int(policy.about["leg"])
+    shown = curve[list(_CURVE)].rename(columns=_CURVE)
+    shown["steps"] = shown["steps"].astype(int)
+    shown.insert(0, "leg", [f"{i + 1} *" if i + 1 == chosen else f"{i + 1}" for i in curve.index])
+    print_table(shown, f"{folder}: judged after each leg; * is kept")
+    last = curve.iloc[-1]
+    _say(
+        f"{last['seconds'] / 60.0:.1f} minutes, {last['environment_share']:.0%} of them in the "
+        "environments"
+    )
+    _say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
+    _say("compare it with a classic controller:")
+    other = "" if observer == _OBSERVER else f" --observer {observer}"
+    _say(
+        f"  shaftline evaluate --controller policy:{path} --controller combinator "
+        f"--task {task}{other}"
+    )

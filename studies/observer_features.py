@@ -1,0 +1,197 @@
+"""Observers as features: does an estimate of the advance velocity help a learned policy?
+
+The same recipe, steps and seeds with each observer, with clean and with noisy instruments; each policy is
+then judged on held-out seas with its own observer and, noisy, with every other.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+import typer
+
+from ..agents.evaluation import Setting, interquartile_mean, run
+from ..envs.tasks import HELD_OUT, get_task
+from ..plant.files import write_atomically, write_text
+from ..plant.sweep import source_digest, sweep
+from .tables import markdown
+
+OBSERVERS = ("none", "power-balance", "immersion-invariance", "random-walk-kalman", "oracle")
+NOISES = {"clean": 0.0, "noisy": 1.0}
+FIRST_SEED = 900_000
+_SHOWN = ("fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m")
+
+Cell = tuple[str, str, int]
+"""Observer, noise, training seed."""
+
+
+def _trained_and_judged(
+    folder: Path, task: str, steps: int, episodes: int, cell: Cell
+) -> dict[str, Any]:
+    """Train one policy and judge it; scores by the observer that it was run with."""
+    from ..agents.policy import load  # torch takes seconds to import
+    from ..agents.recipe import read_recipe
+    from ..agents.training import train
+
+    observer, noise, seed = cell
+    env = {"observer": observer, "sensor_noise": NOISES[noise]}
+    recipe = read_recipe("ppo", task, n_timesteps=steps, env_kwargs=env)
+    place = folder / f"{observer}-{noise}-{seed}"
+    policy = load(train(recipe, seed, place, device="cpu", threads=1))
+    judged = get_task(f"{task}:{HELD_OUT}").model_copy(
+        update={"weights": recipe.rewarded().weights}
+    )
+    found: dict[str, Any] = {}
+    for other in OBSERVERS if noise == "noisy" else (observer,):
+        setting = Setting(
+            "policy", f"{task}:{HELD_OUT}", "task", other, episodes,
+            sensor_noise=NOISES[noise], task_model=judged,
+        )  # fmt: skip
+        kpis, _ = run(setting, policy, first_seed=FIRST_SEED, threads=1)
+        found[other] = {name: kpis[name].tolist() for name in ("reward", *_SHOWN)}
+    return found
+
+
+def recovered(none: Any, estimate: Any, oracle: Any, draws: int = 2000) -> tuple[float, ...]:
+    """Share of the oracle's gain over no estimate, with its 95 % bootstrap interval over training seeds.
+
+    Args:
+        none: scores without an estimate, shape (seeds, episodes); likewise the next two.
+        estimate: with one.
+        oracle: with the true advance velocity.
+        draws: of the bootstrap.
+    """
+    rng = np.random.default_rng(0)
+    scores = [np.asarray(x, dtype=np.float64) for x in (none, estimate, oracle)]
+
+    def share(rows: list[Any]) -> float:
+        low, middle, high = (
+            float(interquartile_mean(s[r].ravel())) for s, r in zip(scores, rows, strict=True)
+        )
+        return (middle - low) / (high - low) if high != low else float("nan")
+
+    count = len(scores[0])
+    whole = share([np.arange(count)] * 3)
+    drawn = [share([rng.integers(count, size=count) for _ in range(3)]) for _ in range(draws)]
+    low, high = np.nanquantile(drawn, [0.025, 0.975])
+    return whole, float(low), float(high)
+
+
+def difference(first: Any, second: Any, draws: int = 2000) -> tuple[float, float, float]:
+    """Interquartile mean of first minus second; its 95 % bootstrap interval over training seeds."""
+    rng = np.random.default_rng(0)
+    a, b = (np.asarray(x, dtype=np.float64) for x in (first, second))
+
+    def between(rows: Any, others: Any) -> float:
+        return float(interquartile_mean(a[rows].ravel()) - interquartile_mean(b[others].ravel()))
+
+    count = len(a)
+    drawn = [
+        between(rng.integers(count, size=count), rng.integers(count, size=count))
+        for _ in range(draws)
+    ]
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return between(np.arange(count), np.arange(count)), float(low), float(high)
+
+
+def _tables(found: dict[Cell, Any], seeds: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """What each observer brings, and each policy with every observer."""
+
+    def scores(observer: str, noise: str, run_with: str, name: str = "reward") -> Any:
+        return np.array([found[observer, noise, s][run_with][name] for s in range(1, seeds + 1)])
+
+    rows, crossed = [], []
+    for noise in NOISES:
+        none, oracle = (scores(name, noise, name) for name in ("none", "oracle"))
+        for observer in OBSERVERS:
+            own = scores(observer, noise, observer)
+            gain, low, high = difference(own, none)
+            share = recovered(none, own, oracle)
+            rows.append(
+                {
+                    "instruments": noise, "observer": observer,
+                    "reward": float(interquartile_mean(own.ravel())),
+                    "spread over seeds": float(np.std(own.mean(axis=1), ddof=1)),
+                    "gain over none": gain, "low": low, "high": high,
+                    "share of the oracle's": share[0], "share low": share[1], "share high": share[2],
+                }
+                | {
+                    name: float(interquartile_mean(scores(observer, noise, observer, name).ravel()))
+                    for name in _SHOWN
+                }
+            )  # fmt: skip
+    for trained in OBSERVERS:
+        row: dict[str, Any] = {"trained with": trained}
+        for other in OBSERVERS:
+            reward = scores(trained, "noisy", other).ravel()
+            row[f"run with {other}"] = float(interquartile_mean(reward))
+        crossed.append(row)
+    return pd.DataFrame(rows), pd.DataFrame(crossed)
+
+
+def main(
+    out: Annotated[Path, typer.Option(help="Folder for page and tables.")] = Path(
+        "docs/results/observer-features"
+    ),
+    work: Annotated[Path, typer.Option(help="Folder for the trainings.")] = Path("out/features"),
+    task: Annotated[str, typer.Option(help="Task.")] = "transit",
+    seeds: Annotated[int, typer.Option(min=2, help="Training seeds, from 1 on.")] = 5,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of each training.")] = 400_000,
+    episodes: Annotated[int, typer.Option(min=1, help="Held-out episodes of each.")] = 40,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+) -> None:
+    """Train with each observer, clean and noisy, and compare."""
+    cells = {
+        f"{o}-{n}-{s}": (o, n, s) for n in NOISES for o in OBSERVERS for s in range(1, seeds + 1)
+    }
+    version = source_digest("plant", "observers", "envs", "agents")[:8]
+    folder = work / f"{task}-{steps}-{version}"
+    job = functools.partial(_trained_and_judged, folder, task, steps, episodes)
+    done = [0]
+
+    def tick() -> None:
+        done[0] += 1
+        typer.echo(f"{done[0]} of {len(cells)} policies")
+
+    results = sweep(job, cells, folder / f"cells-{episodes}", jobs=jobs, tick=tick)
+    table, crossed = _tables({cells[name]: value for name, value in results.items()}, seeds)
+    command = (
+        f"python -m shaftline.studies.observer_features --task {task} --seeds {seeds} "
+        f"--steps {steps} --episodes {episodes}"
+    )
+    page = PAGE.format(
+        command=command, seeds=seeds, steps=steps, episodes=episodes,
+        table=markdown(table, 3), crossed=markdown(crossed, 4),
+    )  # fmt: skip
+    write_atomically(out / "observers.csv", lambda f: table.to_csv(f, index=False))
+    write_atomically(out / "crossed.csv", lambda f: crossed.to_csv(f, index=False))
+    write_text(out / "observer-features.md", page)
+    typer.echo(f"page: {out / 'observer-features.md'}")
+
+
+PAGE = """# Observers as features of a learned policy
+
+Made by `{command}`.
+
+The same recipe (`agents/recipes/ppo.yml`), {steps} steps and {seeds} training seeds with each
+observer; each policy is judged on {episodes} held-out episodes with its own observer. Rewards are
+those of training: less negative is better. Interquartile means over seeds and episodes; intervals
+are 95 %, by bootstrap over the training seeds. *Share of the oracle's* is (this - none) / (oracle
+- none): how much of what the true advance velocity brings the estimate recovers. Where the
+oracle's own gain is not clear of zero, the share means nothing.
+
+{table}
+
+## Trained with one, run with another
+
+Noisy instruments; interquartile mean of the reward.
+
+{crossed}
+"""
+
+if __name__ == "__main__":
+    typer.run(main)

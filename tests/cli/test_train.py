@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from shaftline.agents import load
+
+from .conftest import Command
+from .test_bad_input import nothing_written, refused
+
+RECIPE = """
+transit:
+  n_envs: 4
+  n_timesteps: 128
+  legs: 2
+  n_steps: 16
+  batch_size: 32
+  n_epochs: 1
+  env_kwargs: {episode_s: 10.0}
+"""
+QUICK = ("--seeds", 2, "--episode-s", 10, "--jobs", 1)
+
+
+@pytest.fixture
+def recipe(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.yml"
+    path.write_text(RECIPE)
+    return path
+
+
+def test_a_policy_is_trained_and_evaluated(
+    shaftline: Command, tmp_path: Path, recipe: Path
+) -> None:
+    out = tmp_path / "out"
+    arguments = (
+        "train", "--recipe", recipe, "--out", out, "--seed", 2, "--observer", "luenberger",
+        "--device", "cpu", "--sensor-noise", 0.5,
+    )  # fmt: skip
+    first = shaftline(*arguments)
+    assert first.exit_code == 0, first.output
+    assert "in the environments" in first.output
+    assert f"--controller policy:{out / 'policy.npz'} --controller combinator" in first.output
+    assert "--observer luenberger" in first.output
+    policy = load(out / "policy.npz")
+    assert policy.about["seed"] == 2
+    assert policy.about["recipe"]["env_kwargs"] == {
+        "episode_s": 10.0, "observer": "luenberger", "sensor_noise": 0.5,
+    }  # fmt: skip
+    assert len(json.loads((out / "curve.json").read_text())) == 2
+
+    again = shaftline(*arguments)
+    assert again.exit_code == 0, again.output
+    assert "nothing was left to do" in again.output
+
+    refused(shaftline(*arguments, "--timesteps", 640), "another recipe", "another")
+
+    found = shaftline(
+        "evaluate", "--controller", f"policy:{out / 'policy.npz'}", "--controller", "combinator",
+        "--sea", "state-5", "--out", tmp_path / "evaluated", "--render", *QUICK,
+    )  # fmt: skip
+    assert found.exit_code == 0, found.output
+    table = pd.read_csv(tmp_path / "evaluated" / "table.csv")
+    assert table["controller"][0].startswith("policy:out/policy.npz ")
+    assert table["fuel_kg_nmi"].gt(0.0).all()
+
+    policy.about["control_interval_s"] = 1.0
+    policy.save(out / "slow.npz")
+    for name, words in (
+        ("slow.npz", ("control_interval_s", "the policy has 1 s, here it is 0.5 s")),
+        ("curve.json", ("not a policy file",)),
+        ("nothing.npz", ("no such policy file",)),
+    ):
+        path = f"policy:{out / name}"
+        refused(shaftline("evaluate", "--controller", path, "--out", tmp_path / "no"), *words)
+    assert not (tmp_path / "no").exists()
+
+
+def test_interrupted_says_so(
+    shaftline: Command, tmp_path: Path, recipe: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("shaftline.agents.training.train", stopped)
+    result = shaftline("train", "--recipe", recipe, "--out", tmp_path / "out")
+    assert result.exit_code == 130
+    assert "the same command goes on" in result.output
+
+
+def test_without_the_extra(
+    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import_module("shaftline.agents.training")  # so that there is something to take away
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    monkeypatch.delattr("shaftline.agents.training")
+    monkeypatch.delitem(sys.modules, "shaftline.agents.training")
+    refused(
+        shaftline("train", "--out", tmp_path / "out"),
+        "stable_baselines3", "pip install 'shaftline[train]'",
+    )  # fmt: skip
+    nothing_written(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--task", "race"), ("unknown task 'race'", "transit")),
+        (("--algorithm", "dqn"), ("unknown algorithm 'dqn'", "ppo, sac")),
+        (("--observer", "eye"), ("unknown observer 'eye'", "luenberger")),
+        (("--ship", "fregate"), ("unknown ship 'fregate'", "frigate")),
+        (("--ship", "tito-neri-sine"), ("diesel",)),
+        (("--envs", "0"), ("--envs", "greater than or equal to 1")),
+        (("--timesteps", "0"), ("--timesteps", "greater than or equal to 1")),
+        (("--sensor-noise", "-1"), ("--sensor-noise", "greater than")),
+        (("--device", "tpu"), ("--device", "cuda")),
+        (("--task", "storm"), ("mine.yml", "no section 'storm'", "transit")),
+    ],
+)
+def test_bad_input(
+    shaftline: Command, tmp_path: Path, recipe: Path, arguments: tuple[str, ...],
+    words: tuple[str, ...],
+) -> None:  # fmt: skip
+    out = tmp_path / "out"
+    refused(shaftline("train", "--recipe", recipe, "--out", out, *arguments), *words)
+    nothing_written(tmp_path, "mine.yml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("n_envs: 4", "n_envs: 9999", ("n_envs = 9999", "less than or equal to 4096")),
+        ("n_steps: 16", "n_stepz: 16", ("unknown key 'n_stepz'", "n_steps")),
+        ("{episode_s: 10.0}", "{episode: 1}", ("'episode'", "known")),
+        ("n_epochs: 1", "reach: {slow_s: 0}", ("slow_s", "must be from 0 to 100")),
+        ("n_epochs: 1", "weights: {joy: 1}", ("joy",)),
+        ("batch_size: 32", "batch_size: many", ("PPO refuses the recipe",)),
+    ],
+)
+def test_bad_recipe(
+    shaftline: Command, tmp_path: Path, recipe: Path, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    recipe.write_text(RECIPE.replace(old, new))
+    refused(shaftline("train", "--recipe", recipe, "--out", tmp_path / "out"), *words)
+    nothing_written(tmp_path, "mine.yml")
