@@ -1,7 +1,7 @@
 """Observers as features: does an estimate of the advance velocity help a learned policy?
 
-The same recipe, steps and seeds with each observer, with clean and with noisy instruments; each policy is
-then judged on held-out seas with its own observer and, noisy, with every other.
+The same recipe, steps and seeds with each observer, with clean and with noisy instruments; each policy
+is then judged on held-out seas with its own observer and, noisy, with every other.
 """
 
 from __future__ import annotations
