@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.agents.bridge import FEATURES, Reach
+from shaftline.agents.bridge import ANSWERS, FEATURES, Reach
 from shaftline.agents.policy import Network, Policy, PolicyError, layout
 from shaftline.plant import load_ship
 from shaftline.studies import policies, policy_cards
@@ -25,8 +25,8 @@ def silent(path: Path, task: str) -> Path:
     """A policy that answers nothing, and so sails the combinator's curve."""
     n = len(FEATURES)
     network = Network(
-        np.zeros(n), np.ones(n), 10.0, (np.zeros((2, n), np.float32),),
-        (np.zeros(2, np.float32),), "tanh", False, np.zeros(2, np.float32),
+        np.zeros(n), np.ones(n), 10.0, (np.zeros((len(ANSWERS), n), np.float32),),
+        (np.zeros(len(ANSWERS), np.float32),), "tanh", False, np.zeros(len(ANSWERS), np.float32),
     )  # fmt: skip
     recipe = {"task": task, "algorithm": "ppo", "reach": Reach().as_dict(), "env_kwargs": {}}
     about = {"layout": layout(load_ship("frigate")), "ship_source": "frigate", "seed": 7,
