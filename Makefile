@@ -31,7 +31,7 @@ results: $(INSTALLED)
 	$(BIN)/shaftline evaluate --out docs/results/baselines --task transit --seeds 20 \
 	    --controller combinator --controller cpp-optimiser --controller anti-spin \
 	    --sea calm --sea state-3 --sea state-5 --sea state-6 --observer all
-	$(BIN)/python -m shaftline.studies.policies --cards --out docs/results/policies
+	$(BIN)/python -m shaftline.studies.policies --cards --out docs/results/policies --seeds 60
 	$(BIN)/python -m shaftline.studies.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
 	$(BIN)/python -m shaftline.studies.tito_neri_effects --out docs/results

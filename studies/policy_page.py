@@ -96,7 +96,7 @@ def _page(
     exponents = ", ".join(f"{one.exponent:.2f} in {one.task}" for one in comparisons)
     parts = [
         "# Learned policies against classic controllers",
-        f"Made by `{COMMAND}`.",
+        f"Made by `{COMMAND} --seeds {first.seeds}`.",
         f"{first.seeds} episodes of {first.episode_s:g} s a sea, seeds from {FIRST_SEED:,} (training's "
         f"stay below), observer `{OBSERVER}`, the usual instruments' noise. Equal seeds meet equal "
         "waves, orders and resistance whatever the controller. What each policy was trained in, and "
