@@ -19,18 +19,19 @@ from typing import Any
 
 import numpy as np
 import torch
-from gymnasium import spaces
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, make_output_format
 from stable_baselines3.common.utils import set_random_seed
-from stable_baselines3.common.vec_env import VecEnvWrapper, VecNormalize
+from stable_baselines3.common.vec_env import VecNormalize
 
 from ..envs.sb3 import Sb3Frigates
-from ..plant.files import write_atomically, write_json
+from ..plant.files import write_json
 from ..plant.sweep import source_digest
-from .asymmetric import TOLD, AsymmetricPolicy, told
-from .bridge import ANSWERS, FEATURES, Bridge, Reach
+from .asymmetric import AsymmetricPolicy
+from .bridge import ANSWERS, FEATURES
+from .bridged import Bridged
+from .checkpoints import Checkpoints
 from .evaluation import Setting, interquartile_mean, run
 from .policy import Network, Policy, layout
 from .recipe import Recipe, RecipeError
@@ -41,64 +42,10 @@ FIRST_JUDGED_SEED = 500_000
 
 _SHOWN = ("reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "failed")
 
+_SOURCES = tuple(f"agents/{name}.py" for name in ("asymmetric", "bridge", "bridged", "training"))
+"""Besides the physics: what decides a training's result."""
+
 Tick = Callable[[int, int, str], None]
-
-
-class Bridged(VecEnvWrapper):
-    """Environments as a policy sees and commands them: features in, rates out."""
-
-    def __init__(self, venv: Sb3Frigates, reach: Reach, telling: bool) -> None:
-        self.fleet = fleet = venv.vector.fleet
-        self.bridge = Bridge(fleet.ship, fleet.steps * fleet.dt, reach)
-        self._telling = telling
-        width = len(FEATURES) + telling * len(TOLD)
-        unbounded = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-        super().__init__(venv, unbounded, spaces.Box(-1.0, 1.0, (len(ANSWERS),), np.float32))
-        self.memory: Any = None
-        self._told: Any = np.zeros((venv.num_envs, 0), np.float32)
-        self.acting_s = 0.0  # spent in the environments
-
-    def reset(self) -> Any:
-        """Begin everywhere, each at another time of its episode.
-
-        Episodes that run in step would show an update only their beginnings, and the next their ends.
-        """
-        features, self.memory = self.bridge.see(self.venv.reset())
-        vector = self.venv.vector  # type: ignore[attr-defined]
-        share = np.arange(self.num_envs) / self.num_envs
-        self.fleet.episodes["elapsed"] = (share * vector.intervals).astype(np.int64)
-        self._features = features
-        return self._with_told(features)
-
-    def step_async(self, actions: Any) -> None:
-        """Take the answers in."""
-        begin = time.perf_counter()
-        self.venv.step_async(self.bridge.command(actions, self.memory, self._features))
-        self.acting_s += time.perf_counter() - begin
-
-    def step_wait(self) -> Any:
-        """Hold the commands over one control interval."""
-        begin = time.perf_counter()
-        observation, reward, done, infos = self.venv.step_wait()
-        ended = np.flatnonzero(done)
-        if len(ended):
-            last = np.stack([infos[i]["terminal_observation"] for i in ended])
-            seen, _ = self.bridge.see(last, self.memory[ended])
-            for i, row in zip(ended, self._with_told(seen, self._told[ended]), strict=True):
-                infos[i]["terminal_observation"] = row
-        features, self.memory = self.bridge.see(observation, self.memory, done)
-        self._features = features
-        told_too = self._with_told(features)
-        self.acting_s += time.perf_counter() - begin
-        return told_too, reward, done, infos
-
-    def _with_told(self, features: Any, columns: Any = None) -> Any:
-        """Features, and what the critic is told: of now, or columns of an episode that has ended."""
-        if not self._telling:
-            return features
-        if columns is None:
-            columns = self._told = told(self.fleet)
-        return np.hstack([features, columns])
 
 
 class Falling:
@@ -214,11 +161,11 @@ def train(
     Raises:
         ValueError: the folder holds a training of another recipe or seed.
     """
-    plan = {"recipe": recipe.model_dump(), "seed": seed, "ship": ship, "source": source_digest(
-        "plant", "observers", "envs", "agents/bridge.py", "agents/training.py")}  # fmt: skip
+    source = source_digest("plant", "observers", "envs", *_SOURCES)
+    plan = {"recipe": recipe.model_dump(), "seed": seed, "ship": ship, "source": source}
     note = folder / "training.json"
     _same(note, plan)
-    progress = _Progress(folder)
+    progress = Checkpoints(folder)
     legs, leg_steps = _legs(recipe)
     if len(progress.legs) >= legs:
         return progress.finish()
@@ -331,61 +278,6 @@ def _judged(policy: Policy, recipe: Recipe, ship: str, threads: int | None) -> d
     return {name: float(interquartile_mean(kpis[name])) for name in _SHOWN if name != "failed"} | {
         "failed": float(kpis["failed"].mean())
     }
-
-
-class _Progress:
-    """What a training has on disk."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._note = folder / "curve.json"
-        self.legs: list[dict[str, float]] = []
-        if self._note.is_file():
-            self.legs = json.loads(self._note.read_text(encoding="utf-8"))
-
-    def _at(self, kind: str) -> Path:
-        return self.folder / "checkpoints" / f"{kind}-{len(self.legs):02d}"
-
-    @property
-    def model(self) -> Path:
-        return self._at("model").with_suffix(".zip")
-
-    @property
-    def normaliser(self) -> Path:
-        return self._at("normaliser").with_suffix(".pkl")
-
-    @property
-    def buffer(self) -> Path:
-        return self._at("buffer").with_suffix(".pkl")
-
-    def add(self, row: dict[str, float]) -> None:
-        """A leg more; it counts once it is kept."""
-        self.legs.append(row)
-
-    def keep(self, model: Any, venv: VecNormalize, policy: Policy) -> None:
-        """Write the checkpoint, then the curve that says that it is there."""
-        write_atomically(self.model, lambda file: model.save(file))
-        write_atomically(self.normaliser, lambda file: venv.save(str(file)))
-        if isinstance(model, SAC):
-            write_atomically(self.buffer, lambda file: model.save_replay_buffer(file))
-        policy.curve = {key: [leg[key] for leg in self.legs] for key in self.legs[0]}
-        policy.save(self._at("policy").with_suffix(".npz"))
-        write_json(self._note, self.legs)
-        for old in set(self.buffer.parent.glob("buffer-*.pkl")) - {self.buffer}:
-            old.unlink()  # hundreds of megabytes each, and only the last is gone on from
-
-    def finish(self) -> Path:
-        """The best leg's policy as the training's; with the whole curve in it."""
-        from .policy import load
-
-        failed_last = [(leg["failed"] == 0.0, leg["reward"]) for leg in self.legs]
-        best = max(range(len(self.legs)), key=lambda i: failed_last[i])
-        policy = load(self.folder / "checkpoints" / f"policy-{best + 1:02d}.npz")
-        policy.curve = {key: [leg[key] for leg in self.legs] for key in self.legs[0]}
-        policy.about["leg"] = best + 1
-        path = self.folder / "policy.npz"
-        policy.save(path)
-        return path
 
 
 def digest(path: Path) -> str:
