@@ -68,9 +68,7 @@ class Setting:
     def name(self) -> str:
         """File name of the cell; differs where any field differs."""
         fields = asdict(self)
-        del fields["task_model"]
-        if not self.first_seed:  # cells had no such field at first; their names stay
-            del fields["first_seed"]
+        del fields["task_model"]  # of a single run; no cell has one
         text = "_".join(map(str, fields.values()))
         return "".join(c if c.isalnum() or c in "-._" else "-" for c in text)
 
