@@ -45,6 +45,9 @@ class Checkpoints:
         """Replay buffer, where the algorithm has one."""
         return self._at("buffer").with_suffix(".pkl")
 
+    def _curve(self) -> dict[str, list[float]]:
+        return {key: [leg[key] for leg in self.legs] for key in self.legs[0]}
+
     def add(self, row: dict[str, float]) -> None:
         """A leg more; it counts once it is kept."""
         self.legs.append(row)
@@ -55,7 +58,7 @@ class Checkpoints:
         write_atomically(self.normaliser, lambda file: venv.save(str(file)))
         if isinstance(model, SAC):
             write_atomically(self.buffer, lambda file: model.save_replay_buffer(file))
-        policy.curve = {key: [leg[key] for leg in self.legs] for key in self.legs[0]}
+        policy.curve = self._curve()
         policy.save(self._at("policy").with_suffix(".npz"))
         write_json(self._note, self.legs)
         for old in set(self.buffer.parent.glob("buffer-*.pkl")) - {self.buffer}:
@@ -63,10 +66,10 @@ class Checkpoints:
 
     def finish(self) -> Path:
         """The best leg's policy as the training's; with the whole curve in it."""
-        failed_last = [(leg["failed"] == 0.0, leg["reward"]) for leg in self.legs]
-        best = max(range(len(self.legs)), key=lambda i: failed_last[i])
+        merits = [(leg["failed"] == 0.0, leg["reward"]) for leg in self.legs]
+        best = merits.index(max(merits))
         policy = load(self.folder / "checkpoints" / f"policy-{best + 1:02d}.npz")
-        policy.curve = {key: [leg[key] for leg in self.legs] for key in self.legs[0]}
+        policy.curve = self._curve()
         policy.about["leg"] = best + 1
         path = self.folder / "policy.npz"
         policy.save(path)

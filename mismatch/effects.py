@@ -91,11 +91,15 @@ class Workshop:
             return 0.0
         return float(self.nominal[record_name(parameter.key, self.ship)])
 
+    def origin(self, parameter: Parameter) -> float:
+        """Value from which a size is measured: the neutral one; 0 for limits, absent at infinity."""
+        neutral = self.neutral(parameter)
+        return 0.0 if math.isinf(neutral) else neutral
+
     def probes(self, parameter: Parameter) -> list[float]:
         """Values at which a parameter is first tried, inside its bounds."""
         low, high = self.range_of(parameter.key)
-        neutral = self.neutral(parameter)
-        start = 0.0 if math.isinf(neutral) else neutral
+        start = self.origin(parameter)
         steps = [p * self._means[parameter.of] for p in parameter.probes]
         if parameter.signed:
             steps = [-s for s in reversed(steps)] + steps
@@ -103,8 +107,7 @@ class Workshop:
 
     def smallest(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
         """The trials in which the effect's first value is as near to neutral as it is probed."""
-        neutral = self.neutral(effect.parameters[0])
-        start = 0.0 if math.isinf(neutral) else neutral
+        start = self.origin(effect.parameters[0])
         probes = self.probes(effect.parameters[0])
         nearest = min(probes, key=lambda value: (abs(value - start), -value), default=None)
         for placed in self.trials(effect, windows):

@@ -198,8 +198,7 @@ class Fitter:
         found: list[list[tuple[float, float]]] = [[] for _ in fit.effects]
         for (i, j), error in zip(flat, errors, strict=True):
             value = fit.effects[i].values[j]
-            neutral = self.workshop.neutral(fit.effects[i].effect.parameters[j])
-            size = abs(value if math.isinf(neutral) else value - neutral)
+            size = abs(value - self.workshop.origin(fit.effects[i].effect.parameters[j]))
             half = math.hypot(1.96 * error, min(misfit, FORM_ERROR) * size)
             found[i].append((value - half, value + half))
         return [tuple(pairs) for pairs in found]
@@ -214,8 +213,7 @@ class _Search:
         self._placed = placed
         self._neutral, self._sign, self._least = [], [], []
         for parameter, value in zip(placed.effect.parameters, placed.values, strict=True):
-            neutral = workshop.neutral(parameter)
-            base = 0.0 if math.isinf(neutral) else neutral
+            base = workshop.origin(parameter)
             self._neutral.append(base)
             self._sign.append(1.0 if value >= base else -1.0)
             self._least.append(parameter.least)
