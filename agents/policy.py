@@ -66,7 +66,7 @@ class Network:
     """A multilayer perceptron behind a normalisation.
 
     Args:
-        mean: of the features, shape (21,).
+        mean: of the features, shape (22,).
         deviation: their standard deviation.
         clip: of the normalised features.
         weights: of each layer, shape (out, in).

@@ -8,7 +8,6 @@ not. After each leg the policy is judged on seas of its own, and the best of the
 from __future__ import annotations
 
 import hashlib
-import json
 import subprocess
 import time
 from collections.abc import Callable
@@ -27,7 +26,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from ..envs.sb3 import Sb3Frigates
 from ..plant.files import write_json
-from ..plant.sweep import source_digest
+from ..plant.sweep import refuse_another, source_digest
 from .asymmetric import AsymmetricPolicy
 from .bridge import ANSWERS, FEATURES
 from .bridged import Bridged
@@ -164,7 +163,7 @@ def train(
     source = source_digest("plant", "observers", "envs", *_SOURCES)
     plan = {"recipe": recipe.model_dump(), "seed": seed, "ship": ship, "source": source}
     note = folder / "training.json"
-    _same(note, plan)
+    refuse_another(folder, note, plan, "training")
     progress = Checkpoints(folder)
     legs, leg_steps = _legs(recipe)
     if len(progress.legs) >= legs:
@@ -214,8 +213,6 @@ def train(
             venv.seed(leg_seed % 400_000)
             model._last_obs = None  # begin anew everywhere
             venv.returns = np.zeros(recipe.n_envs)
-            for fall in falling:
-                fall.remaining = max(1.0 - model.num_timesteps / recipe.n_timesteps, 0.0)
             model.learn(leg_steps, callback=watch, reset_num_timesteps=False)
             policy = Policy(network_of(model, venv), _about(recipe, seed, ship, frigates))
             judged = _judged(policy, recipe, ship, threads)
@@ -239,19 +236,6 @@ def _legs(recipe: Recipe) -> tuple[int, int]:
         rollout *= int(recipe.hyperparameters.get("n_steps", 2048))
     legs = max(min(recipe.legs, recipe.n_timesteps // rollout), 1)
     return legs, max(round(recipe.n_timesteps / legs / rollout), 1) * rollout
-
-
-def _same(note: Path, plan: dict[str, Any]) -> None:
-    """Refuse to mix trainings in one folder."""
-    text = json.loads(json.dumps(plan))
-    if note.is_file():
-        kept = json.loads(note.read_text(encoding="utf-8"))
-        for key, value in text.items():
-            if kept.get(key) != value:
-                raise ValueError(
-                    f"{note.parent}: holds a training of another {key}; remove the folder or give "
-                    "another"
-                )
 
 
 def _about(recipe: Recipe, seed: int, ship: str, frigates: Sb3Frigates) -> dict[str, Any]:

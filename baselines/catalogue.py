@@ -10,6 +10,7 @@ from .anti_spin import AntiSpin
 from .combinator import Combinator
 from .cpp_optimiser import CppOptimiser
 from .interface import Controller
+from .speed_pilot import SpeedPilot
 
 
 class ControllerError(ValueError):
@@ -25,6 +26,7 @@ CONTROLLERS: dict[str, Callable[..., Controller]] = {
     "cpp-optimiser": CppOptimiser,
     "anti-spin": AntiSpin,
     "no-anti-spin": _without_anti_spin,
+    "speed-pilot": SpeedPilot,
 }
 """Classic controllers, each called with a ship and a control interval [s]."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.util
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +13,7 @@ import typer
 from ..mismatch.results import Options, diagnose_files, write_results
 from ..plant import load_ship
 from ..plant.files import write_json, write_text
-from ..plant.sweep import source_digest, sweep
+from ..plant.sweep import refuse_another, source_digest, sweep
 from ..studies.prove import Diagnose, case_folder, run_case, scores, write_page
 from ..studies.reality import plain, sindy
 from ..studies.reality.cases import draw_case, sealed
@@ -101,15 +100,8 @@ def _same_proof(out: Path, seed: int, beside: list[str]) -> None:
         "beside": beside,
         "version": source_digest("plant", "mismatch", "studies/reality", "studies/prove.py"),
     }
-    if note.is_file():
-        kept = json.loads(note.read_text(encoding="utf-8"))
-        for key, value in mine.items():
-            if kept.get(key) != value:
-                raise ValueError(
-                    f"{out}: holds a proof of another {key} ({kept.get(key)}, now {value}); "
-                    "remove it or give another --out"
-                )
-    elif any(out.glob("case-*")):
+    refuse_another(out, note, mine, "proof")
+    if not note.is_file() and any(out.glob("case-*")):
         raise ValueError(f"{out}: holds cases that this command did not make; give another --out")
     write_json(note, mine)
 

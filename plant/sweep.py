@@ -193,3 +193,26 @@ def source_digest(*places: str) -> str:
             if file.suffix in (".py", ".toml", ".csv"):
                 digest.update(file.relative_to(house).as_posix().encode() + file.read_bytes())
     return digest.hexdigest()[:8]
+
+
+def refuse_another(folder: Path, note: Path, plan: Mapping[str, Any], what: str) -> None:
+    """Refuse to mix the results of two plans in one folder.
+
+    Args:
+        folder: that would hold both, for the message.
+        note: where the plan of what is there was written, if anything is.
+        plan: by key, fit for JSON.
+        what: a result is called.
+
+    Raises:
+        ValueError: the first key in which the plans differ.
+    """
+    if not note.is_file():
+        return
+    kept = json.loads(note.read_text(encoding="utf-8"))
+    for key, value in json.loads(json.dumps(plan)).items():
+        if kept.get(key) != value:
+            both = "" if isinstance(value, dict) else f" ({kept.get(key)}, now {value})"
+            raise ValueError(
+                f"{folder}: holds a {what} of another {key}{both}; remove it or give another folder"
+            )

@@ -7,6 +7,8 @@ is then judged on held-out seas with its own observer and, noisy, with every oth
 from __future__ import annotations
 
 import functools
+import hashlib
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +25,7 @@ from .tables import markdown
 OBSERVERS = ("none", "power-balance", "immersion-invariance", "random-walk-kalman", "oracle")
 NOISES = {"clean": 0.0, "noisy": 1.0}
 FIRST_SEED = 900_000
+_LEGS = 4  # fewer than the recipe has, for these trainings are short
 _SHOWN = ("fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m")
 
 Cell = tuple[str, str, int]
@@ -30,7 +33,7 @@ Cell = tuple[str, str, int]
 
 
 def _trained_and_judged(
-    folder: Path, task: str, steps: int, episodes: int, cell: Cell
+    folder: Path, task: str, changes: dict[str, Any], episodes: int, cell: Cell
 ) -> dict[str, Any]:
     """Train one policy and judge it; scores by the observer that it was run with."""
     from ..agents.policy import load  # torch takes seconds to import
@@ -39,7 +42,7 @@ def _trained_and_judged(
 
     observer, noise, seed = cell
     env = {"observer": observer, "sensor_noise": NOISES[noise]}
-    recipe = read_recipe("ppo", task, n_timesteps=steps, env_kwargs=env)
+    recipe = read_recipe("ppo", task, **changes, env_kwargs=env)
     place = folder / f"{observer}-{noise}-{seed}"
     policy = load(train(recipe, seed, place, device="cpu", threads=1))
     judged = get_task(f"{task}:{HELD_OUT}").model_copy(
@@ -138,19 +141,54 @@ def main(
         "docs/results/observer-features"
     ),
     work: Annotated[Path, typer.Option(help="Folder for the trainings.")] = Path("out/features"),
-    task: Annotated[str, typer.Option(help="Task.")] = "transit",
+    task: Annotated[str, typer.Option(help="Task.")] = "storm",
     seeds: Annotated[int, typer.Option(min=2, help="Training seeds, from 1 on.")] = 5,
-    steps: Annotated[int, typer.Option(min=1, help="Steps of each training.")] = 400_000,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of each training.")] = 600_000,
     episodes: Annotated[int, typer.Option(min=1, help="Held-out episodes of each.")] = 40,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
 ) -> None:
     """Train with each observer, clean and noisy, and compare."""
+    command = (
+        f"python -m shaftline.studies.observer_features --task {task} --seeds {seeds} "
+        f"--steps {steps} --episodes {episodes}"
+    )
+    changes = {"n_timesteps": steps, "legs": _LEGS}
+    page = study(out, work, task, seeds, episodes, changes, jobs, command)
+    typer.echo(f"page: {page}")
+
+
+def study(
+    out: Path,
+    work: Path,
+    task: str,
+    seeds: int,
+    episodes: int,
+    changes: dict[str, Any],
+    jobs: int | None,
+    command: str,
+) -> Path:
+    """Train, judge, and write page and tables; cells that stand in ``work`` are not made again.
+
+    Args:
+        out: folder for the page, ``observers.csv`` and ``crossed.csv``.
+        work: for trainings and cells.
+        task: that is sailed.
+        seeds: training seeds, from 1 on; at least 2.
+        episodes: held-out episodes of each policy.
+        changes: of the packaged recipe, see :func:`shaftline.agents.recipe.read_recipe`.
+        jobs: see :func:`shaftline.plant.sweep.sweep`.
+        command: that makes the page, for its head.
+
+    Returns:
+        The page.
+    """
     cells = {
         f"{o}-{n}-{s}": (o, n, s) for n in NOISES for o in OBSERVERS for s in range(1, seeds + 1)
     }
-    version = source_digest("plant", "observers", "envs", "agents")[:8]
-    folder = work / f"{task}-{steps}-{version}"
-    job = functools.partial(_trained_and_judged, folder, task, steps, episodes)
+    source = source_digest("plant", "observers", "baselines", "envs", "agents")
+    plan = json.dumps([task, changes, source], sort_keys=True)
+    folder = work / hashlib.sha256(plan.encode()).hexdigest()[:12]
+    job = functools.partial(_trained_and_judged, folder, task, changes, episodes)
     done = [0]
 
     def tick() -> None:
@@ -159,29 +197,26 @@ def main(
 
     results = sweep(job, cells, folder / f"cells-{episodes}", jobs=jobs, tick=tick)
     table, crossed = _tables({cells[name]: value for name, value in results.items()}, seeds)
-    command = (
-        f"python -m shaftline.studies.observer_features --task {task} --seeds {seeds} "
-        f"--steps {steps} --episodes {episodes}"
-    )
     page = PAGE.format(
-        command=command, seeds=seeds, steps=steps, episodes=episodes,
+        command=command, task=task, seeds=seeds, episodes=episodes,
         table=markdown(table, 3), crossed=markdown(crossed, 4),
     )  # fmt: skip
     write_atomically(out / "observers.csv", lambda f: table.to_csv(f, index=False))
     write_atomically(out / "crossed.csv", lambda f: crossed.to_csv(f, index=False))
-    write_text(out / "observer-features.md", page)
-    typer.echo(f"page: {out / 'observer-features.md'}")
+    path = out / "observer-features.md"
+    write_text(path, page)
+    return path
 
 
 PAGE = """# Observers as features of a learned policy
 
 Made by `{command}`.
 
-The same recipe (`agents/recipes/ppo.yml`), {steps} steps and {seeds} training seeds with each
-observer; each policy is judged on {episodes} held-out episodes with its own observer. Rewards are
-those of training: less negative is better. Interquartile means over seeds and episodes; intervals
-are 95 %, by bootstrap over the training seeds. *Share of the oracle's* is (this - none) / (oracle
-- none): how much of what the true advance velocity brings the estimate recovers. Where the
+The same recipe (`agents/recipes/ppo.yml`, task {task}), the same number of steps and {seeds} training
+seeds with each observer; each policy is judged on {episodes} held-out episodes with its own observer.
+Rewards are those of training: less negative is better. Interquartile means over seeds and episodes;
+intervals are 95 %, by bootstrap over the training seeds. *Share of the oracle's* is (this - none) /
+(oracle - none): how much of what the true advance velocity brings the estimate recovers. Where the
 oracle's own gain is not clear of zero, the share means nothing.
 
 {table}

@@ -23,11 +23,11 @@ from ..plant import Ship, load_ship
 from ..plant.sweep import source_digest
 
 BASELINES = {
-    "transit": ("combinator", "cpp-optimiser"),
-    "speed-keeping": ("combinator", "cpp-optimiser"),
-    "storm": ("combinator", "anti-spin", "no-anti-spin", "cpp-optimiser"),
+    "transit": ("combinator", "cpp-optimiser", "speed-pilot"),
+    "speed-keeping": ("combinator", "cpp-optimiser", "speed-pilot"),
+    "storm": ("combinator", "anti-spin", "no-anti-spin", "cpp-optimiser", "speed-pilot"),
 }
-"""What a policy must beat, by task."""
+"""What a policy must beat, by task; the speed pilot is what a policy does that says nothing."""
 
 POLICY = "policy"
 FIRST_SEED = 900_000

@@ -16,7 +16,11 @@ from .figures import PALETTE, THESIS, TRUTH, new_figure
 from .policy_comparison import POLICY, Comparison
 
 COLOURS = dict(
-    zip((POLICY, "combinator", "cpp-optimiser", "anti-spin", "no-anti-spin"), PALETTE, strict=False)
+    zip(
+        (POLICY, "combinator", "cpp-optimiser", "anti-spin", "no-anti-spin", "speed-pilot"),
+        PALETTE,
+        strict=False,
+    )
 )
 _MARKERS = "osD^v<>P"
 _RESAMPLES = 1000

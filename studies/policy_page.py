@@ -23,7 +23,7 @@ from .policy_comparison import (
     frame,
     table_of,
 )
-from .policy_recipes import resistance, trained_in
+from .policy_recipes import reproduce, resistance, trained_in
 from .policy_targets import verdicts
 from .tables import markdown
 
@@ -115,6 +115,12 @@ def _page(
         '"Less" is met where the whole interval is, "no more" and "no less" unless the whole '
         "interval is on the bad side.",
         "\n".join(verdicts(found)) or "Nothing was asked for in these tasks.",
+        "## Reproduce",
+        "Each training, with the time that it took on one of two cores, the other one being at work "
+        "too; then this page. The packaged policies are compared unless `--policy "
+        "out/TASK/policy.npz` names another. Equal seeds give equal policies on a CPU with equal "
+        "versions of torch and NumPy.",
+        reproduce(comparisons, f"{COMMAND} --seeds {first.seeds}"),
     ]
     parts += [f"{caption}.\n\n![{caption}]({name})" for name, caption in pictures.items()]
     for one in comparisons:

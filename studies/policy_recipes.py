@@ -68,11 +68,29 @@ def training(one: Comparison) -> str:
             "environments"
         )
     listed = "\n".join(f"- {key}: {value}" for key, value in lines.items())
-    command = f"shaftline train --task {recipe['task']} --algorithm {recipe['algorithm']}"
     told = ("env_kwargs", "weights", "task", "algorithm")
     rows = "\n".join(f"- `{key}`: {value}" for key, value in recipe.items() if key not in told)
-    command += f" --seed {about['seed']} --out out/{recipe['task']}"
-    return f"{listed}\n\n```\n{command}\n```\n\nRecipe:\n\n{rows}"
+    return f"{listed}\n\n```\n{command(one)}\n```\n\nRecipe:\n\n{rows}"
+
+
+def command(one: Comparison) -> str:
+    """That trains a policy again."""
+    about = one.policy.about
+    recipe = about["recipe"]
+    return (
+        f"shaftline train --task {recipe['task']} --algorithm {recipe['algorithm']} "
+        f"--seed {about['seed']} --out out/{recipe['task']}"
+    )
+
+
+def reproduce(comparisons: Sequence[Comparison], compared: str) -> str:
+    """All commands behind a page, in order, with the time that each training took."""
+    lines = []
+    for one in comparisons:
+        curve = one.policy.curve
+        took = f"  # {seconds(curve['seconds']) / 60.0:.0f} min" if curve else ""
+        lines.append(command(one) + took)
+    return "```\n" + "\n".join([*lines, compared]) + "\n```"
 
 
 def seconds(clock: Sequence[float]) -> float:

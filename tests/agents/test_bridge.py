@@ -106,10 +106,11 @@ def test_answers_are_followed_slowly(observed: Any) -> None:
     bridge = Bridge(load_ship("frigate"), INTERVAL_S, Reach(slow_s=2.0))
     features, memory = bridge.see(observed[0])
     answer = np.zeros((3, len(ANSWERS)))
-    answer[:, ANSWERS.index("pitch offset")] = -1.0
+    which = ANSWERS.index("pitch_offset")
+    answer[:, which] = -1.0
     pitches = [bridge.command(answer, memory, features)[0, 0] for _ in range(20)]
     assert (np.diff(pitches) < 0.0).all()
-    followed = memory[0, -len(ANSWERS)]
+    followed = memory[0, -len(ANSWERS) + which]
     assert followed == pytest.approx(np.exp(-20 * INTERVAL_S / 2.0) - 1.0)
 
 
