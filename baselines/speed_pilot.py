@@ -48,7 +48,9 @@ class Settings(NamedTuple):
     speed_offset: Any = 0.0  # added to the order [m/s]
     pitch_offset: Any = 0.0  # added to the curve's P/D [-]
     torque_gain: Any = 1.0  # share of a torque's deviation that the rack takes back [-]
-    shaft_gain: Any = 0.15  # share of a speed's deviation that it takes back in a control interval [-]
+    shaft_gain: Any = (
+        0.15  # share of a speed's deviation that it takes back in a control interval [-]
+    )
     pitch_gain: Any = 0.7  # k_P over range of pitch by highest shaft torque [-]
 
 
@@ -116,7 +118,7 @@ class SpeedPilot:
     def _units(self, plant: Any) -> None:
         """What gains of one come to on this ship."""
         mover = self.ship.prime_mover
-        assert isinstance(mover, Diesel)  # narrowed for the type checker; require_diesel has seen to it
+        assert isinstance(mover, Diesel)  # for the type checker; require_diesel has seen to it
         down = float(plant["gear_ratio"]) * self.ship.transmission.efficiency
         torque = mover.torque_limit_N_m * down
         pitches = float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"])

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from shaftline.agents import load
+from shaftline.agents.policy import trained
 from shaftline.agents.recipe import RecipeError, read_recipe
 from shaftline.agents.training import digest, train
 
@@ -20,13 +21,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """A training that nothing interrupted, by algorithm."""
     made: dict[str, Path] = {}
 
-    def trained(algorithm: str) -> Path:
+    def policy(algorithm: str) -> Path:
         if algorithm not in made:
             folder = tmp_path_factory.mktemp(algorithm)
             made[algorithm] = train(recipe(algorithm), 3, folder, device="cpu")
         return made[algorithm]
 
-    return trained
+    return policy
 
 
 def checkpoints(policy: Path) -> list[str]:
@@ -130,3 +131,17 @@ def test_the_packages_recipe_is_read_and_changed() -> None:
     assert "sea" in plan.env_kwargs
     with pytest.raises(RecipeError, match="unknown algorithm 'dqn'; known: ppo, sac"):
         read_recipe("dqn", "transit")
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("task", ["transit", "speed-keeping", "storm"])
+def test_every_task_has_a_recipe(algorithm: str, task: str) -> None:
+    plan = read_recipe(algorithm, task)
+    assert (plan.algorithm, plan.task) == (algorithm, task)
+
+
+@pytest.mark.parametrize("name", sorted(trained()))
+def test_packaged_policies_are_of_the_packaged_recipes(name: str) -> None:
+    """Or the command on their cards would train something else."""
+    kept = load(name).about["recipe"]
+    assert kept == read_recipe(kept["algorithm"], kept["task"]).model_dump(mode="json")
