@@ -67,7 +67,7 @@ class Network:
 
     Args:
         mean: of the features, shape (22,).
-        deviation: their standard deviation.
+        deviation: their standard deviation; infinite where a feature never varied in training.
         clip: of the normalised features.
         weights: of each layer, shape (out, in).
         biases: shape (out,).

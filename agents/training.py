@@ -91,7 +91,13 @@ def _built(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list
         own = deepcopy(recipe.hyperparameters)  # the algorithms write into what they are given
         chosen = {key: value(given) for key, given in own.items()}
         if recipe.algorithm == "sac":
-            return SAC(recipe.policy, venv, seed=seed, device=device, **chosen), falling
+            model = SAC(recipe.policy, venv, seed=seed, device=device, **chosen)
+            if not isinstance(model.actor.mu, torch.nn.Linear):
+                raise ValueError(
+                    "with use_sde it needs policy_kwargs: {clip_mean: 0.0}, for a policy file knows no "
+                    "clipped means"
+                )
+            return model, falling
         return PPO(AsymmetricPolicy, venv, seed=seed, device=device, **chosen), falling
     except (AssertionError, TypeError, ValueError) as error:
         raise RecipeError(f"{recipe.algorithm.upper()} refuses the recipe: {error}") from None
@@ -111,9 +117,11 @@ def network_of(model: Any, normaliser: VecNormalize) -> Network:
     layers = [layer for layer in hidden if isinstance(layer, torch.nn.Linear)] + [last]
     smooth = any(isinstance(layer, torch.nn.Tanh) for layer in hidden)
     rms: Any = normaliser.obs_rms
+    variance = rms.var[: len(FEATURES)]
+    # what never varied, as the estimate of an observer that gives none, taught nothing: it is not heard
+    heard = np.where(variance > normaliser.epsilon, np.sqrt(variance + normaliser.epsilon), np.inf)
     return Network(
-        np.array(rms.mean[: len(FEATURES)]),
-        np.sqrt(rms.var[: len(FEATURES)] + normaliser.epsilon), float(normaliser.clip_obs),
+        np.array(rms.mean[: len(FEATURES)]), heard, float(normaliser.clip_obs),
         tuple(layer.weight.detach().cpu().numpy().copy() for layer in layers),
         tuple(layer.bias.detach().cpu().numpy().copy() for layer in layers),
         "tanh" if smooth else "relu", squashed, noise,

@@ -17,6 +17,7 @@ import pandas as pd
 import typer
 
 from ..agents.evaluation import Setting, interquartile_mean, run
+from ..agents.recipe import read_recipe
 from ..envs.tasks import HELD_OUT, get_task
 from ..plant.files import write_atomically, write_text
 from ..plant.sweep import source_digest, sweep
@@ -37,7 +38,6 @@ def _trained_and_judged(
 ) -> dict[str, Any]:
     """Train one policy and judge it; scores by the observer that it was run with."""
     from ..agents.policy import load  # torch takes seconds to import
-    from ..agents.recipe import read_recipe
     from ..agents.training import train
 
     observer, noise, seed = cell
@@ -112,8 +112,8 @@ def _tables(found: dict[Cell, Any], seeds: int) -> tuple[pd.DataFrame, pd.DataFr
         none, oracle = (scores(name, noise, name) for name in ("none", "oracle"))
         for observer in OBSERVERS:
             own = scores(observer, noise, observer)
-            gain, low, high = difference(own, none)
-            share = recovered(none, own, oracle)
+            gain, low, high = difference(own, none) if observer != "none" else (0.0, 0.0, 0.0)
+            share = recovered(none, own, oracle) if observer != "none" else (0.0, 0.0, 0.0)
             rows.append(
                 {
                     "instruments": noise, "observer": observer,
@@ -134,6 +134,37 @@ def _tables(found: dict[Cell, Any], seeds: int) -> tuple[pd.DataFrame, pd.DataFr
             row[f"run with {other}"] = float(interquartile_mean(reward))
         crossed.append(row)
     return pd.DataFrame(rows), pd.DataFrame(crossed)
+
+
+def answer(table: pd.DataFrame, crossed: pd.DataFrame) -> str:
+    """The question answered in words, from the tables."""
+    said = []
+    for noise, part in table[table["observer"] != "none"].groupby("instruments", sort=False):
+        clear = part[(part["low"] > 0.0) | (part["high"] < 0.0)]
+        best = part.loc[part["gain over none"].idxmax()]
+        level = -table.loc[table["instruments"] == noise, "reward"].max()
+        said.append(
+            f"With {noise} instruments "
+            + (
+                f"the gain over no estimate is clear of zero for {', '.join(clear['observer'])}."
+                if len(clear)
+                else "no gain over no estimate is clear of zero."
+            )
+            + f" The largest is that of {best['observer']}: {best['gain over none']:+.3g} "
+            f"({best['low']:+.3g} to {best['high']:+.3g}) at a cost of {level:.3g}; the oracle's is "
+            f"{part.set_index('observer').loc['oracle', 'gain over none']:+.3g}."
+        )
+    square = crossed.set_index("trained with")
+    square.columns = [name.removeprefix("run with ") for name in square.columns]
+    given = [name for name in square.index if name != "none"]
+    own = np.diag(square.loc[given, given])
+    swapped = np.abs(square.loc[given, given].sub(own, axis=0).to_numpy())
+    lost = own - square.loc[given, "none"]
+    said.append(
+        f"Run with another observer than it was trained with, a policy's reward moves by "
+        f"{swapped.max():.2g} at most; with none at all it loses {lost.min():.3g} to {lost.max():.3g}."
+    )
+    return " ".join(said)
 
 
 def main(
@@ -186,7 +217,8 @@ def study(
         f"{o}-{n}-{s}": (o, n, s) for n in NOISES for o in OBSERVERS for s in range(1, seeds + 1)
     }
     source = source_digest("plant", "observers", "baselines", "envs", "agents")
-    plan = json.dumps([task, changes, source], sort_keys=True)
+    recipe = read_recipe("ppo", task, **changes).model_dump(mode="json")
+    plan = json.dumps([recipe, source], sort_keys=True)
     folder = work / hashlib.sha256(plan.encode()).hexdigest()[:12]
     job = functools.partial(_trained_and_judged, folder, task, changes, episodes)
     done = [0]
@@ -198,7 +230,7 @@ def study(
     results = sweep(job, cells, folder / f"cells-{episodes}", jobs=jobs, tick=tick)
     table, crossed = _tables({cells[name]: value for name, value in results.items()}, seeds)
     page = PAGE.format(
-        command=command, task=task, seeds=seeds, episodes=episodes,
+        command=command, task=task, seeds=seeds, episodes=episodes, answer=answer(table, crossed),
         table=markdown(table, 3), crossed=markdown(crossed, 4),
     )  # fmt: skip
     write_atomically(out / "observers.csv", lambda f: table.to_csv(f, index=False))
@@ -217,7 +249,10 @@ seeds with each observer; each policy is judged on {episodes} held-out episodes 
 Rewards are those of training: less negative is better. Interquartile means over seeds and episodes;
 intervals are 95 %, by bootstrap over the training seeds. *Share of the oracle's* is (this - none) /
 (oracle - none): how much of what the true advance velocity brings the estimate recovers. Where the
-oracle's own gain is not clear of zero, the share means nothing.
+oracle's own gain is not clear of zero, the share means nothing. A feature that never varied in
+training, as the estimate of `none`, is not heard by the policy.
+
+**Answer.** {answer}
 
 {table}
 

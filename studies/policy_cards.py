@@ -31,10 +31,11 @@ _MORE_IS_BETTER = ("reward",)
 _NEITHER = ("speed_mean_m_s",)  # the order is a number, not a bound
 _LIMITS = """\
 For simulation: a baseline to compare with and a start for one's own training, on the ship and task
-above. It is not for a real ship. It was never tried outside this simulator, nothing about its
-stability is proven, and no protection of the engine is part of it. Beyond the speeds, seas and
-resistances above its behaviour is unknown; waves come from ahead only. It reads eight instruments,
-with the noise and the observer above; others were not tried here. It refuses a ship with other ranges
+above. It is not for a real ship. It was never tried outside this simulator, and nothing about its
+stability is proven: high gains within its reach can swing. Of protections of the engine it has the
+speed pilot's limiters alone. Beyond the speeds, seas and resistances above its behaviour is unknown;
+waves come from ahead only. It reads eight instruments, with the noise and the observer above; others
+were not tried here. It refuses a ship with other ranges
 of pitch, rack or engine speed, and another version of the package."""
 
 

@@ -13,7 +13,7 @@ from shaftline.agents.policy import trained
 from shaftline.agents.recipe import RecipeError, read_recipe
 from shaftline.agents.training import digest, train
 
-from .tiny import interrupted_after_a_leg, recipe
+from .tiny import SAC, interrupted_after_a_leg, recipe
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +92,7 @@ def test_another_training_needs_another_folder(
         ({"env_kwargs": {"fog": 1}}, "'fog'; known"),
         ({"hyperparameters": {"batch_size": "many"}}, "PPO refuses the recipe"),
         ({"hyperparameters": {"learning_rate": "lin_fast"}}, "PPO refuses the recipe.*fast"),
+        ({"algorithm": "sac", "hyperparameters": SAC | {"use_sde": True}}, "SAC refuses.*clip_mean"),
     ],
 )
 def test_what_cannot_begin_leaves_nothing(
