@@ -32,8 +32,8 @@ results: $(INSTALLED)
 	    --controller combinator --controller cpp-optimiser --controller anti-spin \
 	    --sea calm --sea state-3 --sea state-5 --sea state-6 --observer all
 	$(BIN)/python -m shaftline.studies.policies --cards --out docs/results/policies --seeds 60
-	$(BIN)/python -m shaftline.studies.pilot_frontier --out docs/results/policies --seeds 60
-	$(BIN)/python -m shaftline.studies.observer_features --out docs/results/observer-features
+	$(BIN)/python -m shaftline.studies.policies.frontier --out docs/results/policies --seeds 60
+	$(BIN)/python -m shaftline.studies.policies.observer_features --out docs/results/observer-features
 	$(BIN)/python -m shaftline.studies.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
 	$(BIN)/python -m shaftline.studies.tito_neri_effects --out docs/results

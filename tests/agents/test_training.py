@@ -92,7 +92,10 @@ def test_another_training_needs_another_folder(
         ({"env_kwargs": {"fog": 1}}, "'fog'; known"),
         ({"hyperparameters": {"batch_size": "many"}}, "PPO refuses the recipe"),
         ({"hyperparameters": {"learning_rate": "lin_fast"}}, "PPO refuses the recipe.*fast"),
-        ({"algorithm": "sac", "hyperparameters": SAC | {"use_sde": True}}, "SAC refuses.*clip_mean"),
+        (
+            {"algorithm": "sac", "hyperparameters": SAC | {"use_sde": True}},
+            "SAC refuses.*clip_mean",
+        ),
     ],
 )
 def test_what_cannot_begin_leaves_nothing(

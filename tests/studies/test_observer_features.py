@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.studies import observer_features
-from shaftline.studies.observer_features import difference, recovered
+from shaftline.studies.policies import observer_features
+from shaftline.studies.policies.observer_features import difference, recovered
 
 
 def _scores(mean: float, seeds: int = 6, spread: float = 0.1) -> Any:

@@ -9,16 +9,16 @@ import pytest
 from shaftline.agents.bridge import ANSWERS, FEATURES, Reach
 from shaftline.agents.policy import Network, Policy, PolicyError, layout
 from shaftline.plant import load_ship
-from shaftline.studies import policies, policy_cards
-from shaftline.studies.policy_comparison import (
+from shaftline.studies.policies import cards, command
+from shaftline.studies.policies.comparison import (
     ALL,
     QUANTITIES,
     Difference,
     difference,
     with_even_fuel,
 )
-from shaftline.studies.policy_recipes import seconds
-from shaftline.studies.policy_targets import TARGETS, Target, met, verdicts
+from shaftline.studies.policies.recipes import seconds
+from shaftline.studies.policies.targets import TARGETS, Target, met, verdicts
 
 
 def silent(path: Path, task: str) -> Path:
@@ -43,7 +43,7 @@ def test_page_tables_figures_and_card_are_written(
     tmp_path: Path, task: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = silent(tmp_path / "silent.npz", task)
-    policies.main(
+    command.main(
         ["--out", str(tmp_path / "out"), "--policy", str(path), "--seeds", "4", "--episode-s", "20",
          "--jobs", "1", "--cards"]
     )  # fmt: skip
@@ -80,7 +80,7 @@ def test_a_controller_differs_from_itself_by_nothing() -> None:
         found = difference("transit", "combinator", ALL, quantity, fuel, fuel)
         assert (found.difference, found.low, found.high, found.percent) == (0.0, 0.0, 0.0, 0.0)
         assert not found.excludes_zero
-        assert not policy_cards.worse(found)
+        assert not cards.worse(found)
 
 
 def test_pairing_finds_what_the_spread_of_the_episodes_hides() -> None:
@@ -140,11 +140,11 @@ def test_verdicts_tell_numbers_and_only_of_what_was_sailed() -> None:
 
 
 def test_worse_knows_which_way_is_bad() -> None:
-    assert policy_cards.worse(made("fuel_kg_nmi", 1.0, 2.0))
-    assert not policy_cards.worse(made("fuel_kg_nmi", -1.0, 2.0))
-    assert policy_cards.worse(made("reward", -2.0, -1.0))
-    assert policy_cards.worse(made("thrust_mean_kN", -2.0, -1.0, "storm"))
-    assert not policy_cards.worse(made("thrust_mean_kN", -2.0, -1.0))
+    assert cards.worse(made("fuel_kg_nmi", 1.0, 2.0))
+    assert not cards.worse(made("fuel_kg_nmi", -1.0, 2.0))
+    assert cards.worse(made("reward", -2.0, -1.0))
+    assert cards.worse(made("thrust_mean_kN", -2.0, -1.0, "storm"))
+    assert not cards.worse(made("thrust_mean_kN", -2.0, -1.0))
 
 
 def test_fuel_at_equal_speed_asks_more_of_who_sails_slower() -> None:
@@ -164,4 +164,4 @@ def test_seconds_of_an_interrupted_training_add_up() -> None:
 def test_a_file_that_is_no_policy_is_refused(tmp_path: Path) -> None:
     (tmp_path / "p.npz").write_text("nothing")
     with pytest.raises(PolicyError, match="not a policy file"):
-        policies.sources(["transit"], [tmp_path / "p.npz"])
+        command.sources(["transit"], [tmp_path / "p.npz"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-from .policy_comparison import ALL, EVEN_FUEL, FUEL, Difference
+from .comparison import ALL, EVEN_FUEL, FUEL, Difference
 
 
 class Target(NamedTuple):

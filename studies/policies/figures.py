@@ -1,4 +1,4 @@
-"""Pictures of :mod:`.policy_comparison`."""
+"""Pictures of :mod:`.comparison`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..agents.evaluation import with_interval
-from ..plant.prime_mover import torque_limit
-from .figures import PALETTE, THESIS, TRUTH, new_figure
-from .policy_comparison import POLICY, Comparison
+from ...agents.evaluation import with_interval
+from ...plant.prime_mover import torque_limit
+from ..figures import PALETTE, THESIS, TRUTH, new_figure
+from .comparison import POLICY, Comparison
 
 COLOURS = dict(
     zip(

@@ -1,4 +1,4 @@
-"""The page on the policies: :mod:`.policy_comparison` in words, tables and pictures."""
+"""The page on the policies: :mod:`.comparison` in words, tables and pictures."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..envs.tasks import HELD_OUT, get_task
-from ..plant.files import write_atomically, write_text
-from . import figures, policy_figures
-from .policy_comparison import (
+from ...envs.tasks import HELD_OUT, get_task
+from ...plant.files import write_atomically, write_text
+from ..figures import save
+from ..tables import markdown
+from . import figures
+from .comparison import (
     ALL,
     FIRST_SEED,
     OBSERVER,
@@ -23,9 +25,8 @@ from .policy_comparison import (
     frame,
     table_of,
 )
-from .policy_recipes import reproduce, resistance, trained_in
-from .policy_targets import verdicts
-from .tables import markdown
+from .recipes import reproduce, resistance, trained_in
+from .targets import verdicts
 
 COMMAND = "python -m shaftline.studies.policies --out docs/results/policies"
 
@@ -64,24 +65,24 @@ def _pictures(folder: Path, comparisons: Sequence[Comparison]) -> dict[str, str]
     """File names of the figures that were drawn, with what they show."""
     storms = [one for one in comparisons if one.task == "storm"]
     drawn = {
-        "pareto": (policy_figures.pareto(comparisons), "Fuel against speed error, with intervals"),
+        "pareto": (figures.pareto(comparisons), "Fuel against speed error, with intervals"),
         "profiles": (
-            policy_figures.profiles(comparisons),
+            figures.profiles(comparisons),
             "Performance profiles (Agarwal et al. 2021) with 95 % bootstrap bands. The score is the "
             "combinator's cost in the same episode (minus its reward) over the controller's own",
         ),
-        "torque": (policy_figures.torque(comparisons), "Torque fluctuation by sea"),
+        "torque": (figures.torque(comparisons), "Torque fluctuation by sea"),
         "envelope": (
-            policy_figures.envelope(comparisons),
+            figures.envelope(comparisons),
             "One episode in the engine's envelope (line: torque limit; dots: highest speed)",
         ),
-        "storm": (policy_figures.storm(storms[0]) if storms else None, "One storm in time"),
-        "training": (policy_figures.training(comparisons), "The trainings, judged after each leg"),
+        "storm": (figures.storm(storms[0]) if storms else None, "One storm in time"),
+        "training": (figures.training(comparisons), "The trainings, judged after each leg"),
     }
     shown = {}
     for name, (figure, caption) in drawn.items():
         if figure is not None:
-            figures.save(figure, folder / f"{name}.png")
+            save(figure, folder / f"{name}.png")
             shown[f"{name}.png"] = caption
     return shown
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..envs.tasks import HELD_OUT, get_task
-from ..plant.files import write_text
-from .policy_comparison import (
+from ...envs.tasks import HELD_OUT, get_task
+from ...plant.files import write_text
+from ..tables import markdown
+from .comparison import (
     ALL,
     EVEN_FUEL,
     FIRST_SEED,
@@ -20,9 +21,8 @@ from .policy_comparison import (
     Difference,
     middle_of,
 )
-from .policy_recipes import resistance, training
-from .policy_targets import said, verdicts
-from .tables import markdown
+from .recipes import resistance, training
+from .targets import said, verdicts
 
 _SHOWN = (FUEL, EVEN_FUEL, "speed_error_rms_m_s", "torque_sd_kN_m", "torque_peak_kN_m",
           "rack_travel_mm_min", "overload_s", "overspeed_s", "shaft_speed_peak_rad_s",

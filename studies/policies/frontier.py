@@ -16,15 +16,15 @@ import pandas as pd
 import typer
 from matplotlib.figure import Figure
 
-from ..agents.controllers import label, make_controller
-from ..agents.evaluation import Setting, episodes
-from ..baselines.interface import Controller
-from ..envs.tasks import HELD_OUT, get_task
-from ..plant import load_ship
-from ..plant.files import write_atomically, write_text
-from . import figures
-from .policy_comparison import FIRST_SEED, OBSERVER, difference
-from .tables import markdown
+from ...agents.controllers import label, make_controller
+from ...agents.evaluation import Setting, episodes
+from ...baselines.interface import Controller
+from ...envs.tasks import HELD_OUT, get_task
+from ...plant import load_ship
+from ...plant.files import write_atomically, write_text
+from .. import figures
+from ..tables import markdown
+from .comparison import FIRST_SEED, OBSERVER, difference
 
 GAINS = (1.0, 2.0, 4.0)
 OFFSETS = (-0.05, -0.1, -0.15)
@@ -152,7 +152,7 @@ def main(
 
 PAGE = """# What can be had together in transit
 
-Made by `python -m shaftline.studies.pilot_frontier --seeds {seeds}`.
+Made by `python -m shaftline.studies.policies.frontier --seeds {seeds}`.
 
 The [speed pilot](../../speed-pilot.md) with fixed settings, {seeds} episodes in each held-out sea, and
 the packaged policy among them: paired differences, interquartile means over the seeds with 95 %

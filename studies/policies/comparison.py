@@ -12,15 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..agents.evaluation import KPIS, Setting, episodes, interquartile_mean, with_interval
-from ..agents.policy import Policy, load
-from ..baselines.catalogue import make_controller
-from ..baselines.combinator import combinator_curve
-from ..baselines.interface import Controller
-from ..baselines.steady_points import steady_point
-from ..envs.tasks import HELD_OUT, get_task
-from ..plant import Ship, load_ship
-from ..plant.sweep import source_digest
+from ...agents.evaluation import KPIS, Setting, episodes, interquartile_mean, with_interval
+from ...agents.policy import Policy, load
+from ...baselines.catalogue import make_controller
+from ...baselines.combinator import combinator_curve
+from ...baselines.interface import Controller
+from ...baselines.steady_points import steady_point
+from ...envs.tasks import HELD_OUT, get_task
+from ...plant import Ship, load_ship
+from ...plant.sweep import source_digest
 
 BASELINES = {
     "transit": ("combinator", "cpp-optimiser", "speed-pilot"),

@@ -9,12 +9,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..agents.policy import PolicyError, load, trained
-from ..envs.tasks import HELD_OUT, get_task
-from ..plant.sweep import SweepError
-from . import policy_cards, policy_page
-from .policy_comparison import BASELINES, Comparison, compare
-from .policy_targets import verdicts
+from ...agents.policy import PolicyError, load, trained
+from ...envs.tasks import HELD_OUT, get_task
+from ...plant.sweep import SweepError
+from . import cards, page
+from .comparison import BASELINES, Comparison, compare
+from .targets import verdicts
 
 
 def sources(tasks: list[str], files: list[Path]) -> dict[str, Path]:
@@ -40,7 +40,9 @@ def sources(tasks: list[str], files: list[Path]) -> dict[str, Path]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Sail, compare, and write."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(
+        "python -m shaftline.studies.policies", description=__doc__.split("\n")[0]
+    )
     add = parser.add_argument
     add("--out", type=Path, default=Path("out/policies"), help="folder")
     add("--task", nargs="+", choices=list(BASELINES), default=list(BASELINES), help="tasks")
@@ -72,12 +74,12 @@ def main(arguments: list[str] | None = None) -> None:
         parser.exit(1, f"{error}\n")
     if not comparisons:
         parser.exit(1, "no policy to compare\n")
-    differences = policy_page.write(options.out, comparisons)
+    differences = page.write(options.out, comparisons)
     print("\n".join(verdicts(differences)))
     print(f"page: {options.out / 'policies.md'}")
     if options.cards:
         for one in comparisons:
-            print(f"card: {policy_cards.write(one, differences)}")
+            print(f"card: {cards.write(one, differences)}")
 
 
 if __name__ == "__main__":

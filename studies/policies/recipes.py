@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..envs.tasks import Task, get_task
-from .policy_comparison import OBSERVER, Comparison
+from ...envs.tasks import Task, get_task
+from .comparison import OBSERVER, Comparison
 
 
 def resistance(task: Task) -> str:

@@ -1,0 +1,5 @@
+"""``python -m shaftline.studies.policies``."""
+
+from .command import main
+
+main()
