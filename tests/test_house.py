@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 FOLDERS = (
     "agents", "baselines", "cli", "envs", "mismatch", "observers", "plant", "studies",
 )  # fmt: skip
-ROOMS = ("mismatch.recordings", "mismatch.report", "studies.reality")
+ROOMS = ("mismatch.recordings", "mismatch.report", "studies.policies", "studies.reality")
 MAY_IMPORT: dict[str, set[str]] = {
     "plant": set(),
     "observers": {"plant"},
