@@ -170,9 +170,8 @@ costs speed error. Holding the speed also means following the resistance's slow 
 what lowers the speed error raises the torque's fluctuation. So the targets of the transit policy exclude
 each other: the CPP optimiser saves its fuel by sailing slower, at more than twice the speed error.
 
-Where the policy lies beside the pilot's points tells what learning adds here: good settings, found without
-trying them by hand. In a storm, where pitch, rack and the draught of the propeller play together, it adds
-more ([policies](policies.md)).
+Where the policy lies beside the pilot's points tells what learning adds here: good settings, found
+without trying them by hand.
 """
 
 if __name__ == "__main__":
