@@ -113,8 +113,9 @@ def drawn(table: pd.DataFrame) -> Figure:
         axis.errorbar(part["speed_error"], part["fuel"], xerr=bars["speed_error"], yerr=bars["fuel"],
                       fmt="o-", color=colour, label=name, capsize=2, linewidth=1)  # fmt: skip
         for x, y, torque in part[["speed_error", "fuel", "torque"]].to_numpy():
+            aside = (6, 6 - 9 * (i - 2)) if len(part) > 1 else (-70, 24 * i - 88)
             axis.annotate(f"torque {torque:+.0f} %", (x, y), textcoords="offset points",
-                          xytext=(6, 6 - 9 * (i - 2)), fontsize=7, color=colour)  # fmt: skip
+                          xytext=aside, fontsize=7, color=colour)  # fmt: skip
     axis.axhline(0.0, color=figures.THESIS, linewidth=0.8)
     axis.axvline(0.0, color=figures.THESIS, linewidth=0.8)
     axis.set_xlabel("speed error against the combinator's [%]")

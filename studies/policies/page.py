@@ -108,6 +108,9 @@ def _page(
         "interquartile mean does not see what fewer than a quarter of the episodes have. Over all seas "
         "a seed counts once, with its mean over the seas. No correction is made for the number of "
         "comparisons.",
+        "`reward` and the profiles are by the task's own weights. The policies were trained with other "
+        "weights, towards what was asked for below; their cards list them. By the task's own weights "
+        "the speed pilot may well be ahead of them.",
         "`fuel_even_kg_nmi` compares at equal speed: each episode's fuel per mile times (mean order / "
         "mean speed)^k, k from the combinator's curve in calm water between the lowest and the highest "
         f"order: {exponents}. This is approximate: waves, resistance and another pitch change k, and "
