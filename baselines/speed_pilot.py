@@ -48,9 +48,7 @@ class Settings(NamedTuple):
     speed_offset: Any = 0.0  # added to the order [m/s]
     pitch_offset: Any = 0.0  # added to the curve's P/D [-]
     torque_gain: Any = 1.0  # share of a torque's deviation that the rack takes back [-]
-    shaft_gain: Any = (
-        0.15  # share of a speed's deviation that it takes back in a control interval [-]
-    )
+    shaft_gain: Any = 0.15  # share of a shaft speed's, within a control interval [-]
     pitch_gain: Any = 0.7  # k_P over range of pitch by highest shaft torque [-]
 
 

@@ -9,7 +9,7 @@ import pytest
 from shaftline.agents.bridge import ANSWERS, FEATURES, Reach
 from shaftline.agents.policy import Network, Policy, PolicyError, layout
 from shaftline.plant import load_ship
-from shaftline.studies.policies import cards, command
+from shaftline.studies.policies import cards, command, frontier
 from shaftline.studies.policies.comparison import (
     ALL,
     QUANTITIES,
@@ -165,3 +165,13 @@ def test_a_file_that_is_no_policy_is_refused(tmp_path: Path) -> None:
     (tmp_path / "p.npz").write_text("nothing")
     with pytest.raises(PolicyError, match="not a policy file"):
         command.sources(["transit"], [tmp_path / "p.npz"])
+
+
+def test_sailing_slower_saves_fuel_and_costs_speed_error(tmp_path: Path) -> None:
+    table = frontier.frontier(tmp_path, 3, 1, gains=(2.0,), offsets=(-0.05, -0.4))
+    row = table.set_index("controller").loc["combinator"]
+    assert (row["fuel"], row["speed_error"]) == (0.0, 0.0)  # against itself
+    near, slow = (part for _, part in table[table["controller"] == "speed-pilot"].iterrows())
+    assert slow["fuel"] < near["fuel"] - 2.0
+    assert slow["speed_error"] > near["speed_error"] + 20.0
+    assert len(frontier.drawn(table).axes[0].texts) == 4  # the optimiser lies outside the picture
