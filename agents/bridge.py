@@ -9,7 +9,7 @@ the rack is not.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -74,10 +74,6 @@ class Reach:
                     raise ValueError(
                         f"reach.{field.name} = {value!r}: must be from 0 to 100, slow_s above 0"
                     )
-
-    def as_dict(self) -> dict[str, Any]:
-        """By field."""
-        return asdict(self)
 
     @property
     def middles(self) -> NDArray[np.float64]:

@@ -59,6 +59,10 @@ def label(text: str) -> str:
     if name != _POLICY:
         return text
     path = trained().get(source, Path(source))
+    return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(path)}"
+
+
+def version_of(policy: Path) -> str:
+    """Eight letters that change with a policy's file and with what turns its answers into commands."""
     code = source_digest("agents/bridge.py", "agents/policy.py")
-    digest = hashlib.sha256(code.encode() + path.read_bytes()).hexdigest()[:8]
-    return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {digest}"
+    return hashlib.sha256(code.encode() + policy.read_bytes()).hexdigest()[:8]

@@ -29,6 +29,11 @@ class Backend(StrEnum):
     DASK = "dask"
 
 
+def say(text: str) -> None:
+    """Print a text as it is: no colours, no folding, brackets left alone."""
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
 @contextmanager
 def clear_errors() -> Iterator[None]:
     """Turn bad input and unwritable files into one message and exit code 2.

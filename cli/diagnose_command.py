@@ -15,7 +15,7 @@ from ..mismatch.results import PAGE, REPORT, SHIP, Options, diagnose_files, writ
 from ..plant import Ship, load_ship
 from ..plant.ship import key_info
 from ..plant.sweep import check_backend
-from .console import Backend, clear_errors, console, print_table, progress, stages
+from .console import Backend, clear_errors, print_table, progress, say, stages
 
 
 def diagnose(
@@ -140,16 +140,12 @@ def diagnose(
             tick("writing the report", 0, 1)
             write_results(diagnosis, out)
         _print(diagnosis)
-        _say(f"report: {out / PAGE}   data: {out / REPORT}   corrected ship: {out / SHIP}")
-
-
-def _say(text: str) -> None:
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+        say(f"report: {out / PAGE}   data: {out / REPORT}   corrected ship: {out / SHIP}")
 
 
 def _print(diagnosis: Diagnosis) -> None:
     """The answer, the findings with their intervals, and the fit on what was set aside."""
-    _say(f"{diagnosis.verdict}: {sentence(diagnosis)}\n")
+    say(f"{diagnosis.verdict}: {sentence(diagnosis)}\n")
     if diagnosis.findings:
         print_table(_findings(diagnosis), "What is missing (evidence in 2 log L)")
     held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
@@ -161,9 +157,9 @@ def _print(diagnosis: Diagnosis) -> None:
         }
     )
     print_table(fit, "FitPercent, 100 is perfect", digits=1)
-    _say(f"judged on {held}, which was set aside before anything was fitted")
+    say(f"judged on {held}, which was set aside before anything was fitted")
     for note in (*diagnosis.limits, *diagnosis.warnings):
-        _say(f"note: {note}")
+        say(f"note: {note}")
 
 
 def _findings(diagnosis: Diagnosis) -> pd.DataFrame:
@@ -209,7 +205,7 @@ def _folder(
         shown = ["recording", "date", "verdict", "balances", "found", "fit_before", "fit_after"]
         print_table(good[shown], f"{ship.name}: worst first; FitPercent on what was set aside", 1)
     for row in bad.to_dict("records"):
-        _say(f"could not be diagnosed: {row['error']}")
-    _say(f"index: {out / 'index.html'}   table: {out / 'index.csv'}")
+        say(f"could not be diagnosed: {row['error']}")
+    say(f"index: {out / 'index.html'}   table: {out / 'index.csv'}")
     if not len(good):
         raise ValueError(f"{folder}: none of its {len(bad)} recordings could be diagnosed")

@@ -18,7 +18,7 @@ from ..studies.prove import Diagnose, case_folder, run_case, scores, write_page
 from ..studies.reality import plain, sindy
 from ..studies.reality.cases import draw_case, sealed
 from ..studies.reality.recording import make
-from .console import clear_errors, console, print_table, progress
+from .console import clear_errors, print_table, progress, say
 
 
 def prove(
@@ -73,9 +73,9 @@ def prove(
             work = functools.partial(_seal, out)
             seals = sweep(work, names, out / "cells" / "seals", jobs=jobs, tick=tick)
         lines = [f"case {name}  sealed {seal}" for name, seal in seals.items()]
-        _say("\n".join(lines))
+        say("\n".join(lines))
         whole = hashlib.sha256("\n".join(lines).encode()).hexdigest()
-        _say(f"all {cases} cases sealed, before any is diagnosed: {whole}\n")
+        say(f"all {cases} cases sealed, before any is diagnosed: {whole}\n")
         write_text(out / "seals.txt", "\n".join(lines) + "\n")
         with progress("diagnosing", cases) as tick:
             run = functools.partial(_run, out, beside, reports)
@@ -85,11 +85,7 @@ def prove(
         more = " --sindy" if with_sindy else ""
         page = write_page(tables, out, f"shaftline prove --cases {finished} --seed {seed}{more}")
         print_table(tables["summary"], f"{finished} cases of seed {seed}", digits=3)
-        _say(f"page: {page}   cases: {out / 'case-*'}")
-
-
-def _say(text: str) -> None:
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+        say(f"page: {page}   cases: {out / 'case-*'}")
 
 
 def _same_proof(out: Path, seed: int, beside: list[str]) -> None:

@@ -14,7 +14,7 @@ from ..agents import load
 from ..envs import get_task, tasks
 from ..observers import get_observer
 from ..plant import load_ship
-from .console import clear_errors, console, print_table, stages
+from .console import clear_errors, print_table, say, stages
 
 _OBSERVER = "random-walk-kalman"
 _CURVE = {
@@ -119,7 +119,7 @@ def train(
         _check_device(device)
         before = _legs(folder)
         if before:
-            _say(f"{folder}: {before} legs are there already")
+            say(f"{folder}: {before} legs are there already")
         try:
             with stages("training") as tick:
                 policy = training.train(
@@ -127,10 +127,10 @@ def train(
                     tick=lambda done, total, said: tick(said, done, total),
                 )  # fmt: skip
         except KeyboardInterrupt:
-            _say(f"stopped after {_legs(folder)} whole legs; the same command goes on from there")
+            say(f"stopped after {_legs(folder)} whole legs; the same command goes on from there")
             raise typer.Exit(130) from None
         if before == _legs(folder):
-            _say("nothing was left to do")
+            say("nothing was left to do")
         _print(policy, folder, task, plan.env_kwargs.get("observer", _OBSERVER))
 
 
@@ -158,10 +158,6 @@ def _legs(folder: Path) -> int:
     return len(json.loads(note.read_text(encoding="utf-8"))) if note.is_file() else 0
 
 
-def _say(text: str) -> None:
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
-
-
 def _print(path: Path, folder: Path, task: str, observer: str) -> None:
     """The curve, where the time went, and what to do next."""
     policy = load(path)
@@ -172,14 +168,14 @@ def _print(path: Path, folder: Path, task: str, observer: str) -> None:
     shown.insert(0, "leg", [f"{i + 1} *" if i + 1 == chosen else f"{i + 1}" for i in curve.index])
     print_table(shown, f"{folder}: judged after each leg; * is kept")
     last = curve.iloc[-1]
-    _say(
+    say(
         f"{last['seconds'] / 60.0:.1f} minutes, {last['environment_share']:.0%} of them in the "
         "environments"
     )
-    _say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
-    _say("compare it with a classic controller:")
+    say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
+    say("compare it with a classic controller:")
     other = "" if observer == _OBSERVER else f" --observer {observer}"
-    _say(
+    say(
         f"  shaftline evaluate --controller policy:{path} --controller combinator "
         f"--task {task}{other}"
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ...agents.controllers import version_of
 from ...agents.evaluation import KPIS, Setting, episodes, interquartile_mean, with_interval
 from ...agents.policy import Policy, load
 from ...baselines.catalogue import make_controller
@@ -20,7 +20,6 @@ from ...baselines.interface import Controller
 from ...baselines.steady_points import steady_point
 from ...envs.tasks import HELD_OUT, get_task
 from ...plant import Ship, load_ship
-from ...plant.sweep import source_digest
 
 BASELINES = {
     "transit": ("combinator", "cpp-optimiser", "speed-pilot"),
@@ -163,7 +162,7 @@ def compare(
     ship = load_ship("frigate").with_values(dict(model.ship))
     policy = load(source, ship)
     # the cells of one set of weights must not be taken for those of the next
-    own = f"{POLICY} {_version(source)}"
+    own = f"{POLICY} {version_of(source)}"
     names = {own: POLICY} | {name: name for name in BASELINES[task]}
     settings = [
         Setting(name, apart, sea, OBSERVER, seeds, episode_s=episode_s, first_seed=FIRST_SEED)
@@ -185,12 +184,6 @@ def _made(own: str, policy: Policy, ship: Ship, setting: Setting) -> Controller:
     if setting.controller == own:
         return policy
     return make_controller(setting.controller, ship, policy.bridge.interval_s)
-
-
-def _version(source: Path) -> str:
-    """Letters that change with the file and with what turns its answers into commands."""
-    code = source_digest("agents/bridge.py", "agents/policy.py")
-    return hashlib.sha256(code.encode() + source.read_bytes()).hexdigest()[:8]
 
 
 def middle_of(quantity: str, values: Any) -> tuple[float, float, float]:

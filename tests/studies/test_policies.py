@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def silent(path: Path, task: str) -> Path:
         np.zeros(n), np.ones(n), 10.0, (np.zeros((len(ANSWERS), n), np.float32),),
         (np.zeros(len(ANSWERS), np.float32),), "tanh", False, np.zeros(len(ANSWERS), np.float32),
     )  # fmt: skip
-    recipe = {"task": task, "algorithm": "ppo", "reach": Reach().as_dict(), "env_kwargs": {}}
+    recipe = {"task": task, "algorithm": "ppo", "reach": asdict(Reach()), "env_kwargs": {}}
     about = {"layout": layout(load_ship("frigate")), "ship_source": "frigate", "seed": 7,
              "control_interval_s": 0.5, "recipe": recipe, "leg": 2}  # fmt: skip
     curve = {name: [1.0, 2.0] for name in (
