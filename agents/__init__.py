@@ -1,5 +1,5 @@
 """Training of policies, and evaluation of controllers, classic and learned."""
 
-from .policy import load
+from .policy.policy import load
 
 __all__ = ["load"]

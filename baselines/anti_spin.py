@@ -22,7 +22,7 @@ from ..plant.ship import Ship
 from ..plant.signals import get_signal
 from .anti_spin_kernel import CONTROLLER, MEMORY, control_fleet
 from .combinator import combinator_curve
-from .interface import OBSERVED, actions, readings, resumed
+from .controller import OBSERVED, actions, readings, resumed
 from .torque_loss import TorqueLossObserver
 from .ventilation_detection import VentilationDetector
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..plant.compiled import Record, compiled
+from ..core.compiled import Record, compiled
 from ..plant.prime_mover import diesel_torque, rack_of_torque, torque_limit
 from ..plant.propeller import clip, invert_torque_coefficient, open_water
 from ..plant.shaft import friction_torque, shaft_inertia

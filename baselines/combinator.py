@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from ..plant.ship import Ship, load_ship
+from .controller import actions, readings, resumed
 from .governor import RESPONSE_S, Governor
-from .interface import actions, readings, resumed
 from .steady_points import SteadyPoint, require_diesel, speed_range, steady_point
 
 FLOOR_SHARE = 0.5

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.compiled import compiled
+from ..core.compiled import compiled
 from ..plant.hull import resistance
 from ..plant.ship import Ship, load_ship
 from .combinator import Combinator
 from .combinator_surface import Setting, combinator_surface, look_up
+from .controller import Readings, actions, readings, resumed
 from .governor import RESPONSE_S
-from .interface import Readings, actions, readings, resumed
 from .open_water_fit import fit_open_water, surface
 from .steady_points import speed_range
 

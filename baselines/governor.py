@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.compiled import Record, compiled
+from ..core.compiled import Record, compiled
 from ..plant.linear import linearise
 from ..plant.prime_mover import rack_of_torque, torque_limit
 from ..plant.ship import Ship, load_ship

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.compiled import compiled
+from ..core.compiled import compiled
 from ..plant.propeller import propeller_load
 from ..plant.ship import Ship, ShipError
 

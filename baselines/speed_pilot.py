@@ -27,8 +27,8 @@ from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship, load_ship
 from ..plant.ship_sections import Diesel
 from .combinator import combinator_curve
+from .controller import actions, readings, resumed
 from .governor import highest_rack
-from .interface import actions, readings, resumed
 from .steady_points import require_diesel, speed_range, steady_point
 
 ERROR_S, MEAN_S = 2.0, 8.0

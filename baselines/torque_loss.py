@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ..core.compiled import Record, compiled
 from ..observers.base import model_torque
-from ..plant.compiled import Record, compiled
 from ..plant.shaft import friction_torque
 from ..plant.ship import PLANT, Ship
 

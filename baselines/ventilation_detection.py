@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from ..core.compiled import Record, compiled
 from ..observers.base import model_torque, velocity_from_torque
-from ..plant.compiled import Record, compiled
 from ..plant.hull import wake_inflow
 from .torque_loss import bollard_gain
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.compiled import Record, compiled
 from ..plant.cavitation import burrill_ratio
-from ..plant.compiled import Record, compiled
 from ..plant.fuel import fuel_rate
 from ..plant.prime_mover import torque_limit
 from ..plant.propeller import advance_ratio

@@ -8,13 +8,13 @@ from typing import Annotated
 import pandas as pd
 import typer
 
+from ..core.sweep import check_backend
 from ..mismatch.diagnosis import Diagnosis
 from ..mismatch.folder import diagnose_folder, recordings_in
 from ..mismatch.report import sentence
 from ..mismatch.results import PAGE, REPORT, SHIP, Options, diagnose_files, write_results
 from ..plant import Ship, load_ship
 from ..plant.ship import key_info
-from ..plant.sweep import check_backend
 from .console import Backend, clear_errors, print_table, progress, say, stages
 
 

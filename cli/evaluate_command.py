@@ -10,17 +10,17 @@ import numpy as np
 import typer
 from matplotlib.image import imsave
 
-from ..agents.controllers import known, label, make_controller
-from ..agents.evaluation import KPIS, Setting
-from ..agents.evaluation import evaluate as evaluate_all
-from ..baselines.interface import Controller
+from ..agents.evaluate.controllers import known, label, make_controller
+from ..agents.evaluate.evaluation import KPIS, Setting
+from ..agents.evaluate.evaluation import evaluate as evaluate_all
+from ..agents.evaluate.page import distinct, page
+from ..baselines.controller import Controller
+from ..core.files import write_atomically, write_json, write_text
+from ..core.sweep import check_backend
+from ..display import figures
 from ..envs import FrigateEnv, get_task, tasks
 from ..observers import get_observer, observer_names
 from ..plant import Ship, get_sea, load_ship
-from ..plant.files import write_atomically, write_json, write_text
-from ..plant.sweep import check_backend
-from ..studies import figures
-from ..studies.evaluation_page import distinct, page
 from .console import Backend, clear_errors, console, print_table, progress
 
 _INTERVAL = 0.5

@@ -8,17 +8,17 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from ..baselines.catalogue import CONTROLLERS
+from ..baselines.registry import CONTROLLERS
+from ..core.files import write_text
+from ..display.tables import markdown
 from ..envs import tasks
-from ..mismatch.catalogue import catalogue
+from ..mismatch.search.catalogue import catalogue
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
-from ..plant.files import write_text
 from ..plant.ship import ship_keys
 from ..plant.signals import CONTROL_SIGNALS, SIGNALS
 from ..plant.waves import presets
-from ..studies.load_cases import CASES
-from ..studies.tables import markdown
+from ..studies.thesis.load_cases import CASES
 from .console import clear_errors, console, print_table
 
 

@@ -10,14 +10,14 @@ from typing import Annotated, Any
 
 import typer
 
+from ..core.files import write_json, write_text
+from ..core.sweep import refuse_another, source_digest, sweep
 from ..mismatch.results import Options, diagnose_files, write_results
 from ..plant import load_ship
-from ..plant.files import write_json, write_text
-from ..plant.sweep import refuse_another, source_digest, sweep
-from ..studies.prove import Diagnose, case_folder, run_case, scores, write_page
-from ..studies.reality import plain, sindy
-from ..studies.reality.cases import draw_case, sealed
-from ..studies.reality.recording import make
+from ..proof.cases import draw_case, sealed
+from ..proof.prove import Diagnose, case_folder, run_case, scores, write_page
+from ..proof.recording import make
+from ..proof.rivals import sindy, stepwise_bic
 from .console import clear_errors, print_table, progress, say
 
 
@@ -62,7 +62,7 @@ def prove(
         shaftline prove --cases 200 --seed 7 --sindy --out out/prove-7
     """
     with clear_errors():
-        beside: dict[str, Diagnose] = {"stepwise-bic": plain.diagnose}
+        beside: dict[str, Diagnose] = {"stepwise-bic": stepwise_bic.diagnose}
         if with_sindy:
             if importlib.util.find_spec("pysindy") is None:
                 raise ValueError("--sindy: needs an extra, `pip install 'shaftline[sindy]'`")
@@ -94,7 +94,7 @@ def _same_proof(out: Path, seed: int, beside: list[str]) -> None:
     mine = {
         "seed": seed,
         "beside": beside,
-        "version": source_digest("plant", "mismatch", "studies/reality", "studies/prove.py"),
+        "version": source_digest("plant", "mismatch", "proof"),
     }
     refuse_another(out, note, mine, "proof")
     if not note.is_file() and any(out.glob("case-*")):

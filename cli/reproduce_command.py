@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..plant.files import write_json
+from ..core.files import write_json
 from ..studies import reproduce as study
 from .console import clear_errors, console, print_table, progress
 

@@ -8,14 +8,14 @@ from typing import Annotated
 import pandas as pd
 import typer
 
+from ..core.files import write_atomically
+from ..display import figures
 from ..observers import follow_table, get_observer
+from ..observers.metrics import with_noisy_readings
 from ..plant import get_sea, load_ship, realise
-from ..plant.files import write_atomically
 from ..plant.recording import input_columns, read_recording, simulate_recording
 from ..plant.signals import SIGNALS
-from ..studies import figures
-from ..studies.load_cases import CASES, NOISE_SNR_DB, get_case
-from ..studies.metrics import with_noisy_readings
+from ..studies.thesis.load_cases import CASES, NOISE_SNR_DB, get_case
 from .console import clear_errors, console
 
 

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from ..plant.files import write_atomically
-from ..studies import figures
+from ..core.files import write_atomically
+from ..display import figures
 from ..studies import tour as study
-from ..studies.vaf import ROWS
+from ..studies.thesis.vaf import ROWS
 from .console import clear_errors, console, print_table, progress
 
 

@@ -137,8 +137,8 @@ def train(
 def _learning() -> tuple[Any, Any]:
     """What needs the extra: ``read_recipe`` and the module that trains."""
     try:
-        from ..agents import training
-        from ..agents.recipe import read_recipe
+        from ..agents.learn import training
+        from ..agents.learn.recipe import read_recipe
     except ModuleNotFoundError as error:
         raise ValueError(
             f"training needs {error.name}, which is not installed: pip install 'shaftline[train]'"

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .fleet import Fleet
+from .batch import Fleet
 
 _SHOWN_S = 120.0
 _DARK, _RED, _GREY = "#1f2a44", "#d1495b", "#8d99ae"

@@ -14,10 +14,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ..baselines.interface import OBSERVED
+from ..baselines.controller import OBSERVED
 from ..plant.signals import get_signal
+from .batch import Fleet, SeaChoice
 from .dashboard import Dashboard
-from .fleet import Fleet, SeaChoice
 from .kernel import RUNNING, STALLED, TRUTH
 from .tasks import TERMS
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..baselines.controller import OBSERVED
 from ..baselines.governor import govern
-from ..baselines.interface import OBSERVED
+from ..core.compiled import Record, compiled
 from ..observers.base import Measurement
-from ..observers.catalogue import update
+from ..observers.registry import update
 from ..plant.cavitation import burrill_ratio
-from ..plant.compiled import Record, compiled
 from ..plant.fuel import fuel_rate
 from ..plant.prime_mover import rack_torque, torque_limit
 from ..plant.simulation import Disturbance, observe, step

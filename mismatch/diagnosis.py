@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..plant.ship import Ship
-from .balances import PART_OF, Balances
-from .catalogue import applicable
-from .doubts import close_call, confirmed, explained_share, shape_to_show
-from .effects import Window
-from .findings import Detectable, Finding, detectable_effects, findings_of
-from .fitting import Fitter
-from .held_out import Segments, bands_of, held_out_judge, set_aside
-from .location import active_windows, change_points, regime, windows_between
+from .judge.confirmation import close_call, confirmed, explained_share, shape_to_show
+from .judge.findings import Detectable, Finding, detectable_effects, findings_of
+from .judge.held_out import Segments, bands_of, held_out_judge, set_aside
+from .judge.location import active_windows, change_points, regime, windows_between
+from .judge.shapes import Shape, best_shapes, signals_of
+from .judge.whiteness import Colour, Whiteness
 from .recordings.noise import describe
-from .replay import Replay
-from .selection import TELL_APART, Candidate, Selector, Tick
-from .shapes import Shape, best_shapes, signals_of
-from .whiteness import Colour, Whiteness
+from .search.catalogue import applicable
+from .search.fitting import Fitter
+from .search.placed import Window
+from .search.selection import TELL_APART, Candidate, Selector, Tick
+from .simulate.balances import PART_OF, Balances
+from .simulate.replay import Replay
 
 EXPLAINED_SHARE = 0.8
 """Named effects must explain this share of the residual's power beyond the noise, where what is left is

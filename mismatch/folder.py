@@ -15,10 +15,10 @@ from typing import Any
 
 import pandas as pd
 
-from ..plant.files import write_text
+from ..core.files import write_text
+from ..core.sweep import source_digest, sweep
 from ..plant.recording import read_table
 from ..plant.ship import Ship
-from ..plant.sweep import source_digest, sweep
 from .recordings.columns import DATE_TIME, load_map
 from .report.index import row_of, sorted_index, write_index
 from .results import PAGE, REPORT, SHIP, Options, diagnose_files, write_results

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..plant.files import write_json, write_text
+from ..core.files import write_json, write_text
 from ..plant.recording import RecordingError
 from ..plant.ship import Ship, write_ship
-from .catalogue import applicable
 from .diagnosis import Diagnosis, diagnose
 from .recordings import Recording, load_recording
 from .report import as_json
-from .selection import Tick
+from .search.catalogue import applicable
+from .search.selection import Tick
 
 REPORT, PAGE, SHIP = "report.json", "report.html", "corrected_ship.toml"
 """Names of the files of a diagnosis."""

@@ -1,6 +1,6 @@
 """Observers that estimate the advance velocity from shaft measurements, one file each."""
 
-from .catalogue import (
+from .registry import (
     Observer,
     ObserverError,
     follow,

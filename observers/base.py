@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..plant.compiled import Record, compiled
+from ..core.compiled import Record, compiled
 from ..plant.propeller import (
     MIN_ADVANCE_RATIO,
     advance_ratio,

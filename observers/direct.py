@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..plant.compiled import Record, compiled
+from ..core.compiled import Record, compiled
 from ..plant.ship import Ship
 from .base import NONE, ORACLE, Measurement, blank_observer
 

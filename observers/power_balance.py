@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..plant.compiled import Record, compiled
+from ..core.compiled import Record, compiled
 from ..plant.ship import Ship
 from .base import POWER_BALANCE, Measurement, blank_observer, velocity_from_torque
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..plant.compiled import Record, compiled
+from ..core.compiled import Record, compiled
 from ..plant.ship import Ship
 from .base import (
     RANDOM_WALK_KALMAN,

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.compiled import compiled
+from ..core.compiled import compiled
 from ..plant.simulation import UNDISTURBED, step
 from .base import Measurement
-from .catalogue import update
+from .registry import update
 
 
 @compiled

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled
 from .propeller import clip
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from .compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled
 from .propeller import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE, clip
 
 LINE_FACTOR, LINE_OFFSET, LINE_EXPONENT = 0.28, 0.03, 0.57

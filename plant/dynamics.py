@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core.compiled import Real, Record, compiled
 from .actuators import blade_pitch, pitch_rate, rack_position
-from .compiled import Real, Record, compiled
 from .hull import resistance, wake_inflow, water_speed
 from .prime_mover import (
     DC_MOTOR,

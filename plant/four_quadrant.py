@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .compiled import Real, compiled
+from ..core.compiled import Real, compiled
 
 HARMONICS = 31
 PITCH_NODES = (0.5, 0.6, 0.8, 1.0, 1.2, 1.4)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from .compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled
 
 _KG_PER_J = 1e-3 / 3.6e6  # of 1 g/kWh
 

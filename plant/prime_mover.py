@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from .compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled
 from .propeller import clip
 
 DIESEL, DC_MOTOR, TORQUE = 0, 1, 2

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .compiled import Real, Record, compiled, compiled_polynomial
+from ..core.compiled import Real, Record, compiled, compiled_polynomial
 from .four_quadrant import four_quadrant_coefficients
 
 PITCH_POWERS = (0, 1, 2, 3, 6)  # the only ones that the B-series has

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled
 
 _STICTION_SPEED = 0.05  # rad/s; Coulomb friction changes sign over this speed instead of at once
 

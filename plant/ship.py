@@ -14,8 +14,8 @@ import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
+from ..core.files import write_text
 from . import four_quadrant, prime_mover, propeller, unexplained
-from .files import write_text
 from .ship_sections import (
     INF,
     DcMotor,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import Record, compiled
+from ..core.compiled import Record, compiled
 from .dynamics import (
     MEMORY,
     STATE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled
 
 BALANCES = ("engine", "propeller", "hull", "pitch-actuator")
 """Balances to which it may be added; ``plant.unexplained_balance`` counts them from 1, 0 is none."""

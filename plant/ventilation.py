@@ -14,7 +14,7 @@ With both losses at 0, their neutral value, the propeller never ventilates.
 
 from __future__ import annotations
 
-from .compiled import Real, Record, compiled
+from ..core.compiled import Real, Record, compiled
 
 
 @compiled

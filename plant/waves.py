@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from .compiled import Record, compiled
+from ..core.compiled import Record, compiled
 
 COMPONENTS = 64
 SYNC_STEPS = 10

@@ -9,26 +9,27 @@ from typing import Any
 
 import pandas as pd
 
+from ..display import figures
+from ..display.tables import markdown, write_table
 from ..observers import follow, get_observer, readings_of
+from ..observers.metrics import variance_accounted_for
 from ..plant import linearise, load_ship
-from . import (
-    figures,
-    levers,
+from .ferry import levers
+from .ferry.lever_tables import against_combinator
+from .side_by_side import reasons_text, side_by_side
+from .storms import page as storm_page
+from .storms import results as storm_results
+from .thesis import (
     load_cases,
     poles,
     rounded_table,
     sensitivity,
     snr,
-    storm_page,
-    storm_results,
     vaf,
     verification,
     working_points,
 )
-from .lever_tables import against_combinator
-from .load_cases import CASES
-from .metrics import variance_accounted_for
-from .tables import markdown, reasons_text, side_by_side, write_table
+from .thesis.load_cases import CASES
 
 Tick = Callable[[], None]
 

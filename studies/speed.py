@@ -17,18 +17,18 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
+from ..core.files import write_text
+from ..display.tables import markdown
 from ..envs import FrigateEnv, FrigateVectorEnv
 from ..observers import get_observer
 from ..observers.base import ESTIMATE, OBSERVER
 from ..observers.sailing import sail
 from ..plant import equilibrium, get_sea, load_ship, realise
 from ..plant.dynamics import MEMORY, STATE, State, evaluate
-from ..plant.files import write_text
 from ..plant.ship import PLANT
 from ..plant.simulation import UNDISTURBED, advance, prepare
 from ..plant.steady_state import steady_inputs
 from ..plant.waves import SEA, field
-from .tables import markdown
 
 BATCH, STEPS, REPEATS = 256, 100, 15
 MANY = 1024

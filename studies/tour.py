@@ -9,12 +9,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from ..display import figures
 from ..observers import follow, get_observer, readings_of
+from ..observers.metrics import variance_accounted_for
 from ..plant import load_ship
-from . import figures, tito_neri
-from .load_cases import CASES
-from .metrics import variance_accounted_for
-from .vaf import ROWS
+from .thesis.load_cases import CASES
+from .thesis.vaf import ROWS
+from .tito_neri import steady_states
 
 GAUGE_NOISE = {
     "shaft_speed_rad_s": 0.01,
@@ -107,14 +108,14 @@ class DriveTrain:
 
 def meet_the_drive_train() -> DriveTrain:
     """Simulate Tito Neri at the measured voltages with both published parameter sets."""
-    points = tito_neri.operating_points()
-    response = tito_neri.frequency_response()
-    sentences = [tito_neri.verdict(points, model) for model in tito_neri.MODELS]
+    points = steady_states.operating_points()
+    response = steady_states.frequency_response()
+    sentences = [steady_states.verdict(points, model) for model in steady_states.MODELS]
     sentences += [
         f"{model}: rms gain error of the frequency response up to 500 rad/s: speed "
-        f"{tito_neri.response_error(response, model, 'speed'):.2f} dB, current "
-        f"{tito_neri.response_error(response, model, 'current'):.2f} dB."
-        for model in tito_neri.MODELS
+        f"{steady_states.response_error(response, model, 'speed'):.2f} dB, current "
+        f"{steady_states.response_error(response, model, 'current'):.2f} dB."
+        for model in steady_states.MODELS
     ]
-    figure = figures.drive_train(points, response, tito_neri.MODELS)
+    figure = figures.drive_train(points, response, steady_states.MODELS)
     return DriveTrain(points, response, sentences, figure)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..balances import PART_OF
 from ..diagnosis import Diagnosis
+from ..simulate.balances import PART_OF
 from .sentences import finding_sentence, sentence
 
 

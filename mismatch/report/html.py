@@ -13,8 +13,8 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from ...plant.ship import Ship, key_info
-from ..catalogue import catalogue
 from ..diagnosis import EXPLAINED, NOTHING, Diagnosis
+from ..search.catalogue import catalogue
 from . import figures, regimes
 from .changes import changed_keys
 from .panels import equation

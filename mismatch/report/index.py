@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from ...plant.files import write_atomically, write_text
+from ...core.files import write_atomically, write_text
 
 COLUMNS = (
     "recording", "ship", "date", "verdict", "balances", "found", "windows_s", "regime", "channel",

@@ -6,18 +6,7 @@ import numpy as np
 
 from ..diagnosis import Diagnosis
 from .figures import QUANTITY, changed, interval
-from .panels import (
-    AFTER,
-    BEFORE,
-    HELD_OUT,
-    MEASURED,
-    QUIET,
-    Array,
-    block_rows,
-    blocks,
-    panel,
-    svg,
-)
+from .panels import AFTER, BEFORE, HELD_OUT, MEASURED, QUIET, Array, block_rows, blocks, panel, svg
 from .wording import channel_name, scaled, with_unit
 
 _BINS = 12

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...plant.ship import Ship, key_info
 from ..diagnosis import EXPLAINED, NOTHING, Diagnosis
-from ..findings import Finding
+from ..judge.findings import Finding
 from .wording import measure, parameter_words
 
 

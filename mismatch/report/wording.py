@@ -8,7 +8,7 @@ import re
 from markupsafe import Markup, escape
 
 from ...plant.signals import SIGNALS
-from ..catalogue import Effect
+from ..search.catalogue import Effect
 
 _NAMES = {s.column: (s.name.removeprefix("measured_").replace("_", " "), s.unit) for s in SIGNALS}
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from ...core.files import write_text
+from ...display.tables import markdown
 from ...envs.tasks import HELD_OUT, get_task
-from ...plant.files import write_text
-from ..tables import markdown
 from .comparison import (
     ALL,
     EVEN_FUEL,

@@ -9,9 +9,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ...agents.policy import PolicyError, load, trained
+from ...agents.policy.policy import PolicyError, load, trained
+from ...core.sweep import SweepError
 from ...envs.tasks import HELD_OUT, get_task
-from ...plant.sweep import SweepError
 from . import cards, page
 from .comparison import BASELINES, Comparison, compare
 from .targets import verdicts

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ...agents.controllers import version_of
-from ...agents.evaluation import KPIS, Setting, episodes, interquartile_mean, with_interval
-from ...agents.policy import Policy, load
-from ...baselines.catalogue import make_controller
+from ...agents.evaluate.controllers import version_of
+from ...agents.evaluate.evaluation import KPIS, Setting, episodes, interquartile_mean, with_interval
+from ...agents.policy.policy import Policy, load
 from ...baselines.combinator import combinator_curve
-from ...baselines.interface import Controller
+from ...baselines.controller import Controller
+from ...baselines.registry import make_controller
 from ...baselines.steady_points import steady_point
 from ...envs.tasks import HELD_OUT, get_task
 from ...plant import Ship, load_ship

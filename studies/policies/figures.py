@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ...agents.evaluation import with_interval
+from ...agents.evaluate.evaluation import with_interval
+from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
 from ...plant.prime_mover import torque_limit
-from ..figures import PALETTE, THESIS, TRUTH, new_figure
 from .comparison import POLICY, Comparison
 
 COLOURS = dict(

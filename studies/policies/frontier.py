@@ -16,14 +16,14 @@ import pandas as pd
 import typer
 from matplotlib.figure import Figure
 
-from ...agents.controllers import label, make_controller
-from ...agents.evaluation import Setting, episodes
-from ...baselines.interface import Controller
+from ...agents.evaluate.controllers import label, make_controller
+from ...agents.evaluate.evaluation import Setting, episodes
+from ...baselines.controller import Controller
+from ...core.files import write_atomically, write_text
+from ...display import figures
+from ...display.tables import markdown
 from ...envs.tasks import HELD_OUT, get_task
 from ...plant import load_ship
-from ...plant.files import write_atomically, write_text
-from .. import figures
-from ..tables import markdown
 from .comparison import FIRST_SEED, OBSERVER, difference
 
 GAINS = (1.0, 2.0, 4.0)

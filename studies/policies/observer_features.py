@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 import typer
 
-from ...agents.evaluation import Setting, interquartile_mean, run
-from ...agents.recipe import read_recipe
+from ...agents.evaluate.evaluation import Setting, interquartile_mean, run
+from ...agents.learn.recipe import read_recipe
+from ...core.files import write_atomically, write_text
+from ...core.sweep import source_digest, sweep
+from ...display.tables import markdown
 from ...envs.tasks import HELD_OUT, get_task
-from ...plant.files import write_atomically, write_text
-from ...plant.sweep import source_digest, sweep
-from ..tables import markdown
 
 OBSERVERS = ("none", "power-balance", "immersion-invariance", "random-walk-kalman", "oracle")
 NOISES = {"clean": 0.0, "noisy": 1.0}
@@ -37,8 +37,8 @@ def _trained_and_judged(
     folder: Path, task: str, changes: dict[str, Any], episodes: int, cell: Cell
 ) -> dict[str, Any]:
     """Train one policy and judge it; scores by the observer that it was run with."""
-    from ...agents.policy import load  # torch takes seconds to import
-    from ...agents.training import train
+    from ...agents.learn.training import train
+    from ...agents.policy.policy import load  # torch takes seconds to import
 
     observer, noise, seed = cell
     env = {"observer": observer, "sensor_noise": NOISES[noise]}

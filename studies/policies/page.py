@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from ...core.files import write_atomically, write_text
+from ...display.figures import save
+from ...display.tables import markdown
 from ...envs.tasks import HELD_OUT, get_task
-from ...plant.files import write_atomically, write_text
-from ..figures import save
-from ..tables import markdown
 from . import figures
 from .comparison import (
     ALL,

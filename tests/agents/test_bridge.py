@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.agents.bridge import ANSWERS, FEATURES, Bridge, Reach
+from shaftline.agents.policy.pilot_adapter import ANSWERS, FEATURES, Bridge, Reach
 from shaftline.baselines.combinator import combinator_curve
-from shaftline.baselines.interface import OBSERVED
+from shaftline.baselines.controller import OBSERVED
 from shaftline.baselines.steady_points import steady_point
 from shaftline.envs import FrigateVectorEnv
 from shaftline.plant import load_ship

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.agents.evaluation import (
+from shaftline.agents.evaluate.evaluation import (
     KPIS,
     TRACE,
     Setting,
@@ -16,7 +16,7 @@ from shaftline.agents.evaluation import (
     with_interval,
 )
 from shaftline.baselines.combinator import Combinator
-from shaftline.baselines.interface import OBSERVED
+from shaftline.baselines.controller import OBSERVED
 from shaftline.envs import FrigateEnv
 
 CELL = Setting("combinator", "transit", "state-5", "random-walk-kalman", seeds=3, episode_s=20.0)

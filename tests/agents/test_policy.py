@@ -15,12 +15,12 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
 import shaftline.agents
-from shaftline.agents.bridge import FEATURES
-from shaftline.agents.controllers import label, make_controller
-from shaftline.agents.evaluation import Setting, run
-from shaftline.agents.policy import Policy, PolicyError, load
-from shaftline.agents.training import train
-from shaftline.baselines.catalogue import ControllerError
+from shaftline.agents.evaluate.controllers import label, make_controller
+from shaftline.agents.evaluate.evaluation import Setting, run
+from shaftline.agents.learn.training import train
+from shaftline.agents.policy.pilot_adapter import FEATURES
+from shaftline.agents.policy.policy import Policy, PolicyError, load
+from shaftline.baselines.registry import ControllerError
 from shaftline.plant import load_ship
 
 from .tiny import recipe

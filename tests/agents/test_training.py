@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from shaftline.agents import load
-from shaftline.agents.policy import trained
-from shaftline.agents.recipe import RecipeError, read_recipe
-from shaftline.agents.training import digest, train
+from shaftline.agents.learn.recipe import RecipeError, read_recipe
+from shaftline.agents.learn.training import digest, train
+from shaftline.agents.policy.policy import trained
 
 from .tiny import SAC, interrupted_after_a_leg, recipe
 

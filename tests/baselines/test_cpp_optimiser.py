@@ -5,8 +5,8 @@ import pytest
 
 from shaftline.baselines.combinator import Combinator
 from shaftline.baselines.combinator_surface import combinator_surface, look_up
+from shaftline.baselines.controller import readings
 from shaftline.baselines.cpp_optimiser import CppOptimiser
-from shaftline.baselines.interface import readings
 from shaftline.baselines.open_water_fit import fit_open_water, surface, surface_slope
 from shaftline.baselines.working_point import slack, working
 from shaftline.plant import Ship, ShipError, load_ship

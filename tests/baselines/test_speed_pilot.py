@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.baselines.catalogue import ControllerError, make_controller
 from shaftline.baselines.combinator import Combinator, combinator_curve
 from shaftline.baselines.governor import highest_rack
+from shaftline.baselines.registry import ControllerError, make_controller
 from shaftline.baselines.speed_pilot import SpeedPilot
 from shaftline.baselines.steady_points import speed_range
 from shaftline.envs import FrigateVectorEnv

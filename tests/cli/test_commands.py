@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.catalogue import catalogue
+from shaftline.mismatch.search.catalogue import catalogue
 from shaftline.plant import equilibrium, load_ship
-from shaftline.studies.load_cases import CASES
+from shaftline.studies.thesis.load_cases import CASES
 
 from .conftest import Command
 

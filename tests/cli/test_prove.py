@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from shaftline.cli import prove_command
-from shaftline.studies.prove import verify
+from shaftline.proof.prove import verify
 
 from .conftest import Command
 from .test_bad_input import refused

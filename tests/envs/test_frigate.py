@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import shaftline.envs
-from shaftline.baselines.interface import OBSERVED
+from shaftline.baselines.controller import OBSERVED
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, tasks
 from shaftline.envs.kernel import TRUTH
 from shaftline.observers import observer_names

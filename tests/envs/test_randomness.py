@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from shaftline.core.compiled import compiled
 from shaftline.envs.kernel import EPISODE
 from shaftline.envs.randomness import normal
-from shaftline.plant.compiled import compiled
 
 
 @compiled

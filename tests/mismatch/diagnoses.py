@@ -7,13 +7,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from shaftline.mismatch.catalogue import Effect, catalogue
 from shaftline.mismatch.diagnosis import Diagnosis
-from shaftline.mismatch.effects import Placed
-from shaftline.mismatch.findings import Detectable, Finding
-from shaftline.mismatch.selection import Candidate
-from shaftline.mismatch.shapes import Shape
-from shaftline.mismatch.whiteness import Colour
+from shaftline.mismatch.judge.findings import Detectable, Finding
+from shaftline.mismatch.judge.shapes import Shape
+from shaftline.mismatch.judge.whiteness import Colour
+from shaftline.mismatch.search.catalogue import Effect, catalogue
+from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.selection import Candidate
 from shaftline.plant import Ship, load_ship
 
 ROWS, INTERVAL_S = 1200, 0.2

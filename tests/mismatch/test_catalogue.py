@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.catalogue import applicable, catalogue
 from shaftline.mismatch.diagnosis import Diagnosis, diagnose
+from shaftline.mismatch.search.catalogue import applicable, catalogue
 from shaftline.plant import load_ship
 
 from .voyages import bench_tug, frigate_voyage, tug_run

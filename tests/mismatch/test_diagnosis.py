@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.balances import Balances
 from shaftline.mismatch.diagnosis import diagnose, fit_percent
-from shaftline.mismatch.location import active_windows, change_points, regime
-from shaftline.mismatch.replay import Replay
+from shaftline.mismatch.judge.location import active_windows, change_points, regime
 from shaftline.mismatch.report import as_json
-from shaftline.mismatch.spectra import Likelihood, make_bands, moments
+from shaftline.mismatch.search.spectra import Likelihood, make_bands, moments
+from shaftline.mismatch.simulate.balances import Balances
+from shaftline.mismatch.simulate.replay import Replay
 from shaftline.plant import get_sea, load_ship, realise
 from shaftline.plant.recording import simulate_recording
 

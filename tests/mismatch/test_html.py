@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.catalogue import Effect, catalogue
 from shaftline.mismatch.diagnosis import Diagnosis
+from shaftline.mismatch.judge.whiteness import Colour
 from shaftline.mismatch.report import figures, sentence
 from shaftline.mismatch.report.figures import sea_band, smooth_spectrum
 from shaftline.mismatch.report.html import report_html
 from shaftline.mismatch.report.panels import equation
 from shaftline.mismatch.report.remarks import remarks
 from shaftline.mismatch.report.wording import measure, number, parameter_words, scaled, spans
-from shaftline.mismatch.whiteness import Colour
+from shaftline.mismatch.search.catalogue import Effect, catalogue
 from shaftline.plant import load_ship
 
 from .diagnoses import FRICTION, TIME, channels, diagnosis_of

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.balances import Balances
-from shaftline.mismatch.catalogue import catalogue
-from shaftline.mismatch.effects import Placed
-from shaftline.mismatch.fitting import Fitter
-from shaftline.mismatch.held_out import bands_of
-from shaftline.mismatch.replay import Replay
-from shaftline.mismatch.tolerances import tolerance_records
+from shaftline.mismatch.judge.held_out import bands_of
+from shaftline.mismatch.search.catalogue import catalogue
+from shaftline.mismatch.search.fitting import Fitter
+from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.simulate.balances import Balances
+from shaftline.mismatch.simulate.replay import Replay
+from shaftline.mismatch.simulate.tolerances import tolerance_records
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.ship_sections import Tolerances
 

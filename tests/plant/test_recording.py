@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.core.files import write_atomically, write_json
 from shaftline.plant import Schedule, Ship, equilibrium, load_ship, simulate
-from shaftline.plant.files import write_atomically, write_json
 from shaftline.plant.recording import (
     RecordingError,
     input_columns,

@@ -10,7 +10,7 @@ import pytest
 from shaftline.baselines.combinator_surface import combinator_surface
 from shaftline.baselines.cpp_optimiser import CppOptimiser
 from shaftline.plant import load_ship
-from shaftline.studies.lever_points import (
+from shaftline.studies.ferry.lever_points import (
     COMBINATOR,
     CONDITIONS,
     CORRECTED,
@@ -21,8 +21,8 @@ from shaftline.studies.lever_points import (
     loaded,
     optimal,
 )
-from shaftline.studies.lever_tables import against_combinator, implied_savings, paper_form
-from shaftline.studies.tables import published
+from shaftline.studies.ferry.lever_tables import against_combinator, implied_savings, paper_form
+from shaftline.studies.side_by_side import published
 
 KEYS = ["curve", "condition", "lever"]
 EDGE = 0.2  # %: what the surface's interpolation may cost where the torque limit cuts it

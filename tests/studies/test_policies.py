@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.agents.bridge import ANSWERS, FEATURES, Reach
-from shaftline.agents.policy import Network, Policy, PolicyError, layout
+from shaftline.agents.policy.pilot_adapter import ANSWERS, FEATURES, Reach
+from shaftline.agents.policy.policy import Network, Policy, PolicyError, layout
 from shaftline.plant import load_ship
 from shaftline.studies.policies import cards, command, frontier
 from shaftline.studies.policies.comparison import (

@@ -13,8 +13,8 @@ from scipy.integrate import solve_ivp
 
 from shaftline.plant import Schedule, load_ship, simulate
 from shaftline.plant.dynamics import State
-from shaftline.studies import rov_thruster, rov_thruster_page
-from shaftline.studies.rov_thruster_runs import (
+from shaftline.studies.rov_thruster import __main__, page
+from shaftline.studies.rov_thruster.runs import (
     CONSTANTS,
     SPEED,
     Runs,
@@ -94,17 +94,17 @@ def test_the_loss_is_named_with_its_rival_and_is_the_owners_dead_zone(found: Spl
     first = diagnosis.findings[0]
     names = {first.effect.id, *(rival.effect.id for rival in first.rivals)}
     assert names == {"coulomb-friction", "command-dead-zone"}
-    assert rov_thruster_page.loss_as_voltage(diagnosis)[0] == pytest.approx(0.83, abs=0.06)
+    assert page.loss_as_voltage(diagnosis)[0] == pytest.approx(0.83, abs=0.06)
 
 
 def test_page_and_table_tell_every_unseen_run(found: Split, runs: Runs) -> None:
     table = table_of({CONSTANTS: [found]})
     assert len(table) == 3
     assert np.isfinite(table.select_dtypes("number").to_numpy()).all()
-    assert rov_thruster_page.drawn({CONSTANTS: [found]}, runs).axes
+    assert page.drawn({CONSTANTS: [found]}, runs).axes
 
 
 def test_missing_recordings_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["rov_thruster", "--recordings", str(tmp_path)])
     with pytest.raises(ValueError, match=r"closed_loop_lookup_step\.csv"):
-        rov_thruster.main()
+        __main__.main()

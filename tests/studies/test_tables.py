@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.observers.metrics import variance_accounted_for, with_noise
 from shaftline.plant import load_ship
-from shaftline.studies import (
+from shaftline.studies.side_by_side import compare, published
+from shaftline.studies.thesis import (
     poles,
     rounded_table,
     sensitivity,
@@ -18,8 +20,6 @@ from shaftline.studies import (
     verification,
     working_points,
 )
-from shaftline.studies.metrics import variance_accounted_for, with_noise
-from shaftline.studies.tables import compare, published
 
 
 @pytest.fixture(scope="module")

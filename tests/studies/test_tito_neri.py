@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 from shaftline.plant import Schedule, equilibrium, load_ship, simulate
-from shaftline.studies import tito_neri
+from shaftline.studies.tito_neri import steady_states
 
 
 @pytest.fixture(scope="module")
 def points() -> pd.DataFrame:
-    return tito_neri.operating_points()
+    return steady_states.operating_points()
 
 
 def test_staircase_set_fits_as_its_authors_say(points: pd.DataFrame) -> None:
@@ -35,7 +35,7 @@ def test_settled_simulation_is_the_equilibrium(points: pd.DataFrame) -> None:
 
 def test_balances_close_on_the_model_itself() -> None:
     """The left-over of a balance is the model's error and nothing else."""
-    points = tito_neri.operating_points()
+    points = steady_states.operating_points()
     ratio = points["motor_balance_V"] / points["voltage_V"] * 100.0
     assert points["motor_balance_percent"].to_numpy() == pytest.approx(ratio.to_numpy())
     ship = load_ship("tito-neri-sine")
@@ -47,7 +47,7 @@ def test_balances_close_on_the_model_itself() -> None:
 def test_linear_response_is_that_of_the_simulation() -> None:
     """A 2 % sine on the voltage, correlated as in the paper's eqs. 33 to 39."""
     ship = load_ship("tito-neri-sine")
-    frequency, voltage = 20.0, tito_neri.REFERENCE_VOLTAGE
+    frequency, voltage = 20.0, steady_states.REFERENCE_VOLTAGE
     start = equilibrium(ship, voltage, 1.0).state
     period = 2.0 * np.pi / frequency
     samples = simulate(
@@ -59,12 +59,12 @@ def test_linear_response_is_that_of_the_simulation() -> None:
     last = samples[samples["time"] >= 4.0 * period - 1e-9][:-1]
     carrier = np.exp(-1j * frequency * last["time"])
     speed = 2.0 * np.mean((last["shaft_speed"] / start.shaft_speed - 1.0) * carrier) / 0.02
-    line = tito_neri.frequency_response()
+    line = steady_states.frequency_response()
     row = line[(line["model"] == "tito-neri-sine") & (line["frequency_rad_s"] == frequency)].iloc[0]
     assert abs(speed) == pytest.approx(row["speed_gain"], rel=0.01)
 
 
 def test_verdict_names_balance_and_voltage(points: pd.DataFrame) -> None:
-    sentence = tito_neri.verdict(points, "tito-neri-sine")
+    sentence = steady_states.verdict(points, "tito-neri-sine")
     assert "motor balance" in sentence
     assert "3.91 V" in sentence

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from shaftline.plant import load_ship
-from shaftline.studies import tito_neri, tito_neri_effects
+from shaftline.studies.tito_neri import effects, steady_states
 
 
 def test_errors_are_those_of_the_settled_simulation() -> None:
-    points = tito_neri.operating_points().query("model == 'tito-neri-sine'")
-    found = tito_neri_effects.errors(load_ship("tito-neri-sine"))
+    points = steady_states.operating_points().query("model == 'tito-neri-sine'")
+    found = effects.errors(load_ship("tito-neri-sine"))
     assert found[:, 0] == pytest.approx(points["speed_error_percent"].to_numpy(), abs=1e-3)
     assert found[:, 1] == pytest.approx(points["current_error_percent"].to_numpy(), abs=1e-3)
 
@@ -20,10 +20,10 @@ def test_errors_are_those_of_the_settled_simulation() -> None:
 def test_a_dead_zone_brings_the_sine_set_nearer() -> None:
     ship = load_ship("tito-neri-sine")
     every = np.arange(5)
-    value = tito_neri_effects.fitted(ship, "command-dead-zone", every)
+    value = effects.fitted(ship, "command-dead-zone", every)
     corrected = ship.with_values({"prime_mover.command_dead_zone_V": value})
-    before = tito_neri_effects.rms(tito_neri_effects.errors(ship))
-    assert tito_neri_effects.rms(tito_neri_effects.errors(corrected)) < 0.7 * before
+    before = effects.rms(effects.errors(ship))
+    assert effects.rms(effects.errors(corrected)) < 0.7 * before
 
 
 def test_findings_say_so_where_nothing_is_missing() -> None:
@@ -37,6 +37,6 @@ def test_findings_say_so_where_nothing_is_missing() -> None:
         "after_percent",
         "unseen_percent",
     ]
-    said = tito_neri_effects.findings(pd.DataFrame(rows, columns=columns))
+    said = effects.findings(pd.DataFrame(rows, columns=columns))
     assert "nothing is missing" in said
     assert "not decided" in said

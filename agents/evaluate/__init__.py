@@ -1,0 +1,1 @@
+"""Any controller on any task, on paired seas."""

@@ -1,0 +1,71 @@
+"""Environments as a policy in training sees and commands them."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import VecEnvWrapper
+
+from ...envs.sb3 import Sb3Frigates
+from ..policy.pilot_adapter import ANSWERS, FEATURES, Bridge, Reach
+from .privileged_critic import TOLD, told
+
+
+class Bridged(VecEnvWrapper):
+    """Environments as a policy sees and commands them: features in, rates out."""
+
+    def __init__(self, venv: Sb3Frigates, reach: Reach, telling: bool) -> None:
+        self.fleet = fleet = venv.vector.fleet
+        self.bridge = Bridge(fleet.ship, fleet.steps * fleet.dt, reach)
+        self._telling = telling
+        width = len(FEATURES) + telling * len(TOLD)
+        unbounded = spaces.Box(-np.inf, np.inf, (width,), np.float32)
+        super().__init__(venv, unbounded, spaces.Box(-1.0, 1.0, (len(ANSWERS),), np.float32))
+        self.memory: Any = None
+        self._told: Any = np.zeros((venv.num_envs, 0), np.float32)
+        self.acting_s = 0.0  # spent in the environments
+
+    def reset(self) -> Any:
+        """Begin everywhere, each at another time of its episode.
+
+        Episodes that run in step would show an update only their beginnings, and the next their ends.
+        """
+        features, self.memory = self.bridge.see(self.venv.reset())
+        vector = self.venv.vector  # type: ignore[attr-defined]
+        share = np.arange(self.num_envs) / self.num_envs
+        self.fleet.episodes["elapsed"] = (share * vector.intervals).astype(np.int64)
+        self._features = features
+        return self._with_told(features)
+
+    def step_async(self, actions: Any) -> None:
+        """Take the answers in."""
+        begin = time.perf_counter()
+        self.venv.step_async(self.bridge.command(actions, self.memory, self._features))
+        self.acting_s += time.perf_counter() - begin
+
+    def step_wait(self) -> Any:
+        """Hold the commands over one control interval."""
+        begin = time.perf_counter()
+        observation, reward, done, infos = self.venv.step_wait()
+        ended = np.flatnonzero(done)
+        if len(ended):
+            last = np.stack([infos[i]["terminal_observation"] for i in ended])
+            seen, _ = self.bridge.see(last, self.memory[ended])
+            for i, row in zip(ended, self._with_told(seen, self._told[ended]), strict=True):
+                infos[i]["terminal_observation"] = row
+        features, self.memory = self.bridge.see(observation, self.memory, done)
+        self._features = features
+        told_too = self._with_told(features)
+        self.acting_s += time.perf_counter() - begin
+        return told_too, reward, done, infos
+
+    def _with_told(self, features: Any, columns: Any = None) -> Any:
+        """Features, and what the critic is told: of now, or columns of an episode that has ended."""
+        if not self._telling:
+            return features
+        if columns is None:
+            columns = self._told = told(self.fleet)
+        return np.hstack([features, columns])

@@ -1,0 +1,204 @@
+"""A learned policy as one file, and as a controller: weights, normalisation, and what it was made for.
+
+The file is a NumPy archive without pickled objects, so it can be loaded from anyone, and sailed without
+torch.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...baselines.controller import OBSERVED
+from ...core.files import write_atomically
+from ...envs.tasks import get_task
+from ...plant import Ship, load_ship
+from .pilot_adapter import ANSWERS, FEATURES, Bridge, Reach
+
+FORMAT = 1
+"""Of the file; a policy of another is refused."""
+
+_ACTIVATIONS: dict[str, Callable[[Any], Any]] = {"tanh": np.tanh, "relu": partial(np.maximum, 0.0)}
+
+
+class PolicyError(ValueError):
+    """A policy that cannot be loaded or does not belong here; the message says what differs."""
+
+
+def layout(ship: Ship) -> dict[str, Any]:
+    """What a policy and the ship it commands must agree on."""
+    plant = ship.record()
+    ranges = ("pitch_ratio_min", "pitch_ratio_max", "drive_min", "drive_max", "gear_ratio",
+              "engine_speed_min", "engine_speed_max")  # fmt: skip
+    return {
+        "format": FORMAT,
+        "version": ".".join(metadata.version("shaftline").split(".")[:2]),
+        "ship": ship.name,
+        "ranges": {name: float(plant[name]) for name in ranges},
+        "observed": list(OBSERVED),
+        "features": list(FEATURES),
+        "answers": list(ANSWERS),
+    }
+
+
+def _differences(own: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
+    said = []
+    for key, value in here.items():
+        found = own.get(key)
+        if isinstance(value, dict) and isinstance(found, dict):
+            said += _differences(found, value)
+        elif found != value:
+            said.append(f"{key}: the policy has {found!r}, here it is {value!r}")
+    return said
+
+
+@dataclass(frozen=True)
+class Network:
+    """A multilayer perceptron behind a normalisation.
+
+    Args:
+        mean: of the features, shape (22,).
+        deviation: their standard deviation; infinite where a feature never varied in training.
+        clip: of the normalised features.
+        weights: of each layer, shape (out, in).
+        biases: shape (out,).
+        activation: ``tanh`` or ``relu`` between the layers.
+        squashed: whether a tanh stands behind the last layer.
+        log_deviation: of the answers' noise in training, shape (5,).
+    """
+
+    mean: NDArray[np.float64]
+    deviation: NDArray[np.float64]
+    clip: float
+    weights: tuple[NDArray[np.float32], ...]
+    biases: tuple[NDArray[np.float32], ...]
+    activation: str
+    squashed: bool
+    log_deviation: NDArray[np.float32]
+
+    def __call__(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Mean answers, shape (n, 5)."""
+        x = np.clip((features - self.mean) / self.deviation, -self.clip, self.clip)
+        x = x.astype(np.float32)
+        act = _ACTIVATIONS[self.activation]
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            x = act(x @ weight.T + bias)
+        x = x @ self.weights[-1].T + self.biases[-1]
+        return np.asarray(np.tanh(x) if self.squashed else np.clip(x, -1.0, 1.0))
+
+
+class Policy:
+    """A learned controller; see :class:`shaftline.baselines.interface.Controller`.
+
+    Args:
+        network: its weights.
+        about: what it was made for and with (``layout`` and the training), as JSON allows.
+        ship: that it shall command; the one that it was trained on by default.
+        curve: evaluations while it was trained: columns by name.
+
+    Raises:
+        PolicyError: it does not belong to this version, ship or observation.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        about: Mapping[str, Any],
+        ship: Ship | None = None,
+        curve: Mapping[str, list[float]] | None = None,
+    ) -> None:
+        self.network, self.about, self.curve = network, dict(about), dict(curve or {})
+        vessel = trained_on(about) if ship is None else ship
+        if said := _differences(about.get("layout", {}), layout(vessel)):
+            raise PolicyError("this policy does not fit: " + "; ".join(said))
+        self.bridge = Bridge(
+            vessel, float(about["control_interval_s"]), Reach(**about["recipe"]["reach"])
+        )
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Actions for one observation or a batch, and the memory for the next call."""
+        features, memory = self.bridge.see(observation, state, episode_start)
+        answer = self.network(features)
+        if not deterministic:
+            noise = np.random.default_rng().standard_normal(answer.shape)
+            answer = answer + np.exp(self.network.log_deviation) * noise.astype(np.float32)
+        action = self.bridge.command(answer, memory, features)
+        return (action if np.ndim(observation) > 1 else action[0]), memory
+
+    def save(self, path: Path) -> None:
+        """Write one self-contained file."""
+        n = self.network
+        layers: dict[str, Any] = {f"weight_{i}": w for i, w in enumerate(n.weights)}
+        layers |= {f"bias_{i}": b for i, b in enumerate(n.biases)}
+        about = self.about | {
+            "activation": n.activation, "squashed": n.squashed, "clip": n.clip, "curve": self.curve,
+        }  # fmt: skip
+        text = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+
+        def write(temporary: Path) -> None:
+            with temporary.open("wb") as file:
+                np.savez_compressed(
+                    file, about=text, mean=n.mean, deviation=n.deviation,
+                    log_deviation=n.log_deviation, **layers,
+                )  # type: ignore[arg-type]  # fmt: skip
+
+        write_atomically(path, write)
+
+
+def trained_on(about: Mapping[str, Any]) -> Ship:
+    """The ship of a policy's training, as its task has it."""
+    return load_ship(about["ship_source"]).with_values(dict(get_task(about["recipe"]["task"]).ship))
+
+
+def trained() -> dict[str, Path]:
+    """Policies that come with the package, by name."""
+    folder = Path(str(resources.files("shaftline.agents.policy").joinpath("trained")))
+    return {path.stem: path for path in sorted(folder.glob("*.npz"))}
+
+
+def load(source: str | Path, ship: Ship | None = None) -> Policy:
+    """Load a policy.
+
+    Args:
+        source: file, or name of one that comes with the package.
+        ship: that it shall command; the one that it was trained on by default.
+
+    Raises:
+        PolicyError: no such policy, not a policy file, or one that does not fit.
+    """
+    path = trained().get(str(source), Path(source))
+    if not path.is_file():
+        raise PolicyError(
+            f"{source}: no such policy file; with the package come {', '.join(trained()) or 'none'}"
+        )
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            about = json.loads(bytes(archive["about"]).decode())
+            count = sum(name.startswith("weight_") for name in archive)
+            network = Network(
+                archive["mean"], archive["deviation"], float(about["clip"]),
+                tuple(archive[f"weight_{i}"] for i in range(count)),
+                tuple(archive[f"bias_{i}"] for i in range(count)),
+                about["activation"], bool(about["squashed"]), archive["log_deviation"],
+            )  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+        raise PolicyError(f"{path}: not a policy file ({error})") from None
+    try:
+        return Policy(network, about, ship, about.get("curve"))
+    except PolicyError as error:
+        raise PolicyError(f"{path}: {error}") from None

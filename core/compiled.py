@@ -1,0 +1,68 @@
+"""The one decorator of every kernel."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec, TypeAlias, TypeVar, cast
+
+import numba
+
+Record: TypeAlias = Any
+"""One element of a NumPy structured array, as a kernel sees it (fields as attributes)."""
+
+Real: TypeAlias = Any
+"""A float, or a complex number where the linearisation asks for an exact derivative."""
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+_LAYERS = ("core", "plant", "observers", "baselines", "envs", "mismatch", "studies")
+"""Folders with kernels; each calls kernels of those before it only."""
+
+
+def _drop_stale_kernels() -> None:
+    """Delete this package's cached machine code where a source that it may rest on is newer.
+
+    Numba looks only at the file of the cached function itself: after an edit of
+    ``propeller.py`` it would go on using the old propeller inside ``simulation.py``.
+    """
+    house = Path(__file__).resolve().parent.parent
+    newest = 0.0
+    for layer in _LAYERS:
+        sources = (house / layer).rglob("*.py")
+        newest = max(newest, *(source.stat().st_mtime for source in sources))
+        for cached in (house / layer).rglob("__pycache__/*.nb[ic]"):
+            with contextlib.suppress(OSError):
+                if cached.stat().st_mtime < newest:
+                    cached.unlink()
+
+
+_drop_stale_kernels()
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a kernel to machine code and keep it on disk.
+
+    IEEE arithmetic is left strict (no fastmath), so a kernel gives the same bits wherever it is
+    inlined: in a single simulation or in a batch. Division by zero gives inf, never an exception.
+    """
+    return _compiled(function, fastmath=False)
+
+
+def compiled_polynomial(function: Callable[P, R]) -> Callable[P, R]:
+    """The same for Horner's rule alone: each ``a * x + b`` becomes one fused operation.
+
+    Every product there has exactly one use, so fusing is no choice of the compiler's and the result
+    does not depend on where the function is inlined.
+    """
+    return _compiled(function, fastmath={"contract"})
+
+
+def _compiled(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
+    kernel = numba.njit(
+        cache=True, error_model="numpy", nogil=True, forceinline=True, fastmath=fastmath
+    )(function)
+    return cast("Callable[P, R]", kernel)

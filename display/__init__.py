@@ -1,0 +1,1 @@
+"""Tables and figures that commands and studies share."""

@@ -1,0 +1,35 @@
+"""Tables as pages and files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..core.files import write_atomically, write_text
+
+
+def markdown(frame: pd.DataFrame, digits: int = 2) -> str:
+    """A pipe table; numbers rounded, missing ones as a dash, pipes within a cell escaped."""
+
+    def cell(value: Any) -> str:
+        if isinstance(value, float):
+            return "–" if pd.isna(value) else f"{value:.{digits}f}"
+        return str(value).replace("|", "\\|")
+
+    lines = [
+        "| " + " | ".join(map(str, frame.columns)) + " |",
+        "|" + "---|" * len(frame.columns),
+    ]
+    lines += ["| " + " | ".join(map(cell, row)) + " |" for row in frame.itertuples(index=False)]
+    return "\n".join(lines)
+
+
+def write_table(folder: Path, name: str, title: str, command: str, frame: pd.DataFrame,
+                body: str) -> None:  # fmt: skip
+    """Write ``name.csv`` and ``name.md`` into a folder."""
+    write_atomically(
+        folder / f"{name}.csv", lambda file: frame.to_csv(file, index=False, float_format="%.6g")
+    )
+    write_text(folder / f"{name}.md", f"# {title}\n\nMade by `{command}`.\n\n{body}\n")

@@ -1,0 +1,129 @@
+"""What was found, with its intervals, windows and regime; and what could not have been found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...plant.ship import key_info
+from ..search.catalogue import Effect
+from ..search.fitting import Fit, Fitter
+from ..search.placed import Placed, Window
+from ..search.selection import Candidate, Selection
+from ..simulate.balances import Balances
+from .location import active_windows, regime
+from .shapes import signals_of
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An effect that the recording shows.
+
+    Args:
+        placed: the effect with its fitted values.
+        intervals: 95 % interval of each value.
+        score: what it brings in 2 log L, the other effects present.
+        threshold: that it had to pass.
+        rivals: names that the recording cannot tell from it.
+        trace: what it changes in its balance, shape (rows,).
+        row: index of that balance.
+        windows: in which it acts [s].
+        regime: in words; empty where it acts everywhere.
+    """
+
+    placed: Placed
+    intervals: tuple[tuple[float, float], ...]
+    score: float
+    threshold: float
+    rivals: tuple[Candidate, ...]
+    trace: NDArray[np.float64]
+    row: int
+    windows: list[Window]
+    regime: str
+
+    @property
+    def effect(self) -> Effect:
+        """The catalogue's entry."""
+        return self.placed.effect
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The smallest value of an effect that this recording would have shown."""
+
+    effect: Effect
+    value: float  # distance from neutral, in the parameter's unit
+    unit: str
+
+
+def _row(balances: Balances, effect: Effect, traces: NDArray[np.float64], scale: Any) -> int:
+    """Balance in which an effect is shown: its own, or the one that feels it most."""
+    if effect.balance in balances.names:
+        return balances.names.index(effect.balance)
+    felt = np.sqrt(np.mean(traces**2, axis=1)) / scale
+    return int(np.argmax(felt))
+
+
+def findings_of(
+    fitter: Fitter, selection: Selection, lacking: NDArray[np.float64], misfit: float
+) -> list[Finding]:
+    """The chosen effects with intervals, traces, windows and regimes."""
+    balances, replay = fitter.balances, fitter.balances.replay
+    fit = selection.fit
+    intervals = fitter.intervals(fit, misfit)
+    signals = signals_of(fitter, fit)
+    duration = float(replay.time_s[-1])
+    scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
+
+    def of(effects: tuple[Placed, ...]) -> NDArray[np.float64]:
+        samples = replay.simulate(fitter.workshop.record(effects))
+        return balances.residuals(replay.simulated(samples))
+
+    everything = of(fit.effects)
+    found = []
+    for i, placed in enumerate(fit.effects):
+        traces = everything - of(fit.effects[:i] + fit.effects[i + 1 :])
+        row = _row(balances, placed.effect, traces, scale)
+        windows = (
+            [placed.window]
+            if placed.window is not None
+            else active_windows(traces[row], replay.interval_s, duration)
+        )
+        whole = windows == [(0.0, duration)] or placed.window is not None
+        where = (
+            "" if whole else regime(traces[row], {k: v for k, v in signals.items() if k != "time"})
+        )
+        found.append(
+            Finding(placed, intervals[i], selection.gains[i], selection.thresholds[i],
+                    selection.rivals[i], traces[row], row, windows, where)
+        )  # fmt: skip
+    return found
+
+
+def detectable_effects(
+    fitter: Fitter, threshold: Callable[[Effect], float], fit: Fit, effects: list[Effect]
+) -> list[Detectable]:
+    """From the curvature of the likelihood at the smallest probe of each effect of one parameter."""
+    base = fitter.predicted(fitter.workshop.record(fit.effects))
+    found = []
+    for effect in effects:
+        if len(effect.parameters) != 1 or effect.windowed:
+            continue
+        parameter = effect.parameters[0]
+        probes = fitter.workshop.probes(parameter)
+        neutral = fitter.workshop.neutral(parameter)
+        if not probes or not np.isfinite(neutral):
+            continue
+        probe = min(probes, key=lambda p: abs(p - neutral))
+        moved = fitter.predicted(fitter.workshop.record((*fit.effects, Placed(effect, (probe,)))))
+        information = fitter.likelihood.information(fit.weight, (moved - base)[None])
+        variance = float(np.linalg.pinv(information)[0, 0])
+        if variance > 0.0 and information[0, 0] > 1e-9:
+            size = abs(probe - neutral) * np.sqrt(threshold(effect) * variance)
+            unit = key_info(parameter.key, fitter.workshop.ship).unit
+            found.append(Detectable(effect, float(size), unit))
+    return found

@@ -1,0 +1,75 @@
+"""The part of a recording that is set aside before anything is fitted, and what it says of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..search.fitting import Fitter
+from ..search.spectra import Bands, Likelihood, make_bands
+from ..simulate.balances import Balances
+from ..simulate.replay import Replay
+
+HELD_OUT_SHARE = 0.25
+
+Segments = list[tuple[int, int]]
+"""First row of each stretch, and one past its last."""
+
+
+def bands_of(balances: Balances, segments: Segments) -> Bands:
+    """Bands of some segments, up to four fifths of the Nyquist frequency."""
+    interval = balances.replay.interval_s
+    return make_bands(segments, interval, len(balances.names), 0.4 / interval)
+
+
+def set_aside(replay: Replay, runs: int) -> list[tuple[Segments, Segments]]:
+    """Ways to part the recordings into what is fitted and what is judged, the best first.
+
+    Whole recordings where the user says so; else the longest recording's last quarter, or, if another
+    quarter covers the demands' range clearly better, that one: what comes next is what matters.
+    """
+    if runs:
+        return [(replay.segments[:-runs], replay.segments[-runs:])]
+    sizes = [b - a for a, b in replay.segments]
+    longest = int(np.argmax(sizes))
+    first, last = replay.segments[longest]
+    length = round(HELD_OUT_SHARE * (last - first))
+    starts = [last - length, first, first + length, first + 2 * length]
+    covered = [_coverage(replay, (first, last), (s, s + length)) for s in starts]
+    covered[0] /= 0.85
+    rest = [s for i, s in enumerate(replay.segments) if i != longest]
+    parted = []
+    for start in (starts[i] for i in np.argsort(covered)[::-1]):
+        pieces = [(first, start), (start + length, last)]
+        kept = [(a, b) for a, b in pieces if b - a > 20]
+        parted.append(([*rest, *kept], [(start, start + length)]))
+    return parted
+
+
+def _coverage(replay: Replay, whole: tuple[int, int], part: tuple[int, int]) -> float:
+    """Share of the demands' range in a recording that a part of it covers."""
+    shares = []
+    for signal in (replay.drive_rows, replay.command):
+        full = np.quantile(signal[slice(*whole)], [0.05, 0.95])
+        if full[1] - full[0] > 1e-9:
+            piece = np.quantile(signal[slice(*part)], [0.05, 0.95])
+            inside = min(full[1], piece[1]) - max(full[0], piece[0])
+            shares.append(max(0.0, inside / (full[1] - full[0])))
+    return float(np.mean(shares)) if shares else 1.0
+
+
+def held_out_judge(fitter: Fitter, held: Segments) -> Callable[[Any], float]:
+    """2 log L of a ship's record on the held-out part alone."""
+    balances, replay = fitter.balances, fitter.balances.replay
+    bands = bands_of(balances, held)
+    measured = bands.transform(balances.residuals(replay.measured()))
+    likelihood = Likelihood(bands, np.zeros((1, *measured.shape), np.complex128))
+
+    def score(record: Any) -> float:
+        samples = replay.simulate(record)
+        predicted = bands.transform(balances.residuals(replay.simulated(samples)))
+        return likelihood(measured - predicted).score
+
+    return score

@@ -1,0 +1,133 @@
+"""What has no name: the shape of a missing torque, force or pitch over a signal that it follows.
+
+The catalogue cannot hold everything. A piecewise linear function of one signal (or of time), scored in
+the same whitened way as the named effects, tells whether something systematic is missing, in which
+balance, and what it looks like.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from ..search.fitting import Fit, Fitter
+from ..search.spectra import Likelihood
+
+KNOTS = 5
+TIME_KNOTS = 8
+SMALL_SAMPLE = 1.5
+LOOSE = 10.0
+"""Prior standard deviation of a shape's values, in rms of its balance's residual: next to free."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A missing quantity over a signal.
+
+    Args:
+        balance: that lacks it.
+        unit: of the values.
+        signal: that it follows: ``shaft_speed``, ``ship_speed``, ``pitch_ratio``, ``drive``, ``time``.
+        signal_unit: of the knots.
+        knots: values of the signal, rising, shape (k,).
+        values: what is missing at each knot, shape (k,).
+        gain: in 2 log L.
+        threshold: that chance alone does not reach.
+        trace: over the recording, shape (rows,).
+    """
+
+    balance: str
+    unit: str
+    signal: str
+    signal_unit: str
+    knots: NDArray[np.float64]
+    values: NDArray[np.float64]
+    gain: float
+    threshold: float
+    trace: NDArray[np.float64]
+
+    @property
+    def excess(self) -> float:
+        """Gain beyond what chance reaches."""
+        return self.gain - self.threshold
+
+
+def chance(knots: int, tried: int) -> float:
+    """Gain in 2 log L that chance alone reaches in one null of a thousand.
+
+    A likelihood ratio of few frequencies a band is larger than its limit, chi-squared: by
+    :data:`SMALL_SAMPLE`, measured on simulated nulls.
+    """
+    return SMALL_SAMPLE * float(chi2.isf(1e-3 / tried, knots))
+
+
+def _hats(signal: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Piecewise linear basis, shape (k, rows)."""
+    return np.array([np.interp(signal, knots, row) for row in np.eye(len(knots))])
+
+
+def signals_of(fitter: Fitter, fit: Fit) -> dict[str, tuple[NDArray[np.float64], str]]:
+    """Simulated signals that a missing quantity may follow, with their units."""
+    replay = fitter.balances.replay
+    samples = replay.simulate(fitter.workshop.record(fit.effects))
+    drive_unit = "mm" if fitter.balances.prime_mover == "engine" else "V or N m"
+    found = {
+        "shaft_speed": (np.ascontiguousarray(samples["shaft_speed"]), "rad/s"),
+        "ship_speed": (np.ascontiguousarray(samples["ship_speed"]), "m/s"),
+        "pitch_ratio": (np.ascontiguousarray(samples["pitch_ratio"]), ""),
+        "drive": (np.ascontiguousarray(samples["drive"]), drive_unit),
+    }
+    if len(replay.runs) == 1:  # recordings that were joined share no clock
+        found["time"] = (replay.time_s, "s")
+    return found
+
+
+def best_shapes(fitter: Fitter, fit: Fit) -> list[Shape]:
+    """The best shape of each balance on top of a model, the most convincing first."""
+    bands, balances = fitter.bands, fitter.balances
+    signals = signals_of(fitter, fit)
+    tried = len(signals) * len(balances.names)
+    found = []
+    for row, (name, unit) in enumerate(zip(balances.names, balances.units, strict=True)):
+        rms = float(np.sqrt(np.mean(np.abs(fit.difference[row]) ** 2)))
+        best: Shape | None = None
+        for signal, (values, signal_unit) in signals.items():
+            knots = _knots(values, signal)
+            if knots is None:
+                continue
+            hats = _hats(values, knots)
+            columns = np.zeros((len(knots), *fit.difference.shape), np.complex128)
+            columns[:, row] = bands.transform(hats) * (LOOSE * rms)
+            judge = Likelihood(bands, np.concatenate([columns, fitter.nuisance]))
+            start = np.concatenate([np.zeros(len(knots)), fit.tolerances])
+            marginal = judge(fit.difference, start)
+            # the loose prior is no cost of the shape's
+            shares = marginal.shares[: len(knots)]
+            gain = marginal.score + float(shares @ shares) - fit.score
+            coefficients = shares * LOOSE * rms
+            limit = chance(len(knots), tried)
+            shape = Shape(
+                name, unit, signal, signal_unit, knots, coefficients, gain, limit,
+                coefficients @ hats,
+            )  # fmt: skip
+            if best is None or shape.excess > best.excess:
+                best = shape
+        if best is not None:
+            found.append(best)
+    return sorted(found, key=lambda shape: -shape.excess)
+
+
+def _knots(values: Any, signal: str) -> NDArray[np.float64] | None:
+    if signal == "time":
+        return np.linspace(float(values[0]), float(values[-1]), TIME_KNOTS)
+    if np.ptp(values) < 0.02 * (np.abs(values).max() + 1e-12):
+        return None
+    knots = np.unique(np.quantile(values, np.linspace(0.0, 1.0, KNOTS)))
+    spread = np.diff(knots)
+    if len(knots) < 3 or spread.min() < 0.02 * np.ptp(values):
+        knots = np.linspace(float(values.min()), float(values.max()), KNOTS)
+    return np.asarray(knots)

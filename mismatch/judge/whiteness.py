@@ -1,0 +1,98 @@
+"""Is what is left more than the instruments' noise?
+
+The noise of each channel is known from the recording itself; carried through the balances it says how
+large a residual must be at each frequency. From some frequency on the sea disturbs every balance of a
+ship that moves, which is no fault of the model: there only what is slower is judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from ..search.fitting import Fit, Fitter
+from ..search.spectra import moments
+
+SLOWER_THAN_SEA_HZ = 0.03
+EXCESS = 2.0
+"""Power over that of the instruments' noise that counts; their rms is known within a tenth."""
+
+CHANCE = 1e-6
+DRAWS = 6
+
+
+@dataclass(frozen=True)
+class Colour:
+    """A residual that is more than noise.
+
+    Args:
+        band: index of the band in which it stands out most.
+        balance: index of the balance.
+        low_Hz: lower edge of the band.
+        high_Hz: its upper edge.
+        ratio: power over that of the instruments' noise.
+    """
+
+    band: int
+    balance: int
+    low_Hz: float
+    high_Hz: float
+    ratio: float
+
+
+class Whiteness:
+    """Residuals judged against the instruments' noise.
+
+    Args:
+        fitter: of the recording.
+        noise_rms: white noise of each measured column, in its unit.
+    """
+
+    def __init__(self, fitter: Fitter, noise_rms: Mapping[str, float]) -> None:
+        self.fitter = fitter
+        bands, balances = fitter.bands, fitter.balances
+        channels = balances.nominal
+        base = balances.residuals(channels)
+        rng = np.random.default_rng(0)
+        power = []
+        for _ in range(DRAWS):
+            noisy = {
+                c: x + noise_rms.get(c, 0.0) * rng.standard_normal(len(x))
+                for c, x in channels.items()
+            }
+            drawn = bands.transform(balances.residuals(noisy) - base)
+            power.append(moments(bands, drawn, drawn).real)
+        self._expected = np.mean(power, axis=0)
+
+    def ratios(self, fit: Fit) -> NDArray[np.float64]:
+        """Power of a model's residual over the noise's, shape (bands, balances); 0 where not judged."""
+        bands, balances = self.fitter.bands, self.fitter.balances
+        residual = fit.difference - np.einsum("k,kmf->mf", fit.tolerances, self.fitter.nuisance)
+        found = moments(bands, residual, residual).real
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.nan_to_num(
+                np.diagonal(found, axis1=1, axis2=2)
+                / np.diagonal(self._expected, axis1=1, axis2=2),
+                posinf=0.0,
+            )
+        if balances.moving:
+            ratio[bands.frequency_Hz[bands.edges[1:] - 1] > SLOWER_THAN_SEA_HZ] = 0.0
+        return np.asarray(ratio)
+
+    def colour(self, fit: Fit) -> Colour | None:
+        """Where a model's residual exceeds the noise most; None where it is noise."""
+        bands = self.fitter.bands
+        freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
+        limit = EXCESS * chi2.isf(CHANCE, freedom) / freedom
+        ratios = self.ratios(fit)
+        excess = ratios / limit[:, None]
+        band, row = np.unravel_index(int(np.argmax(excess)), excess.shape)
+        if excess[band, row] <= 1.0:
+            return None
+        edges = bands.edges
+        low, high = bands.frequency_Hz[edges[band]], bands.frequency_Hz[edges[band + 1] - 1]
+        return Colour(int(band), int(row), float(low), float(high), float(ratios[band, row]))

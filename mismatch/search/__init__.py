@@ -1,0 +1,1 @@
+"""The catalogue of effects, and the search for those that a recording asks for."""

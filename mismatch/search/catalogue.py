@@ -1,0 +1,155 @@
+"""The catalogue: every physical effect that the tool knows by name.
+
+An effect is some keys of the ship's file with values that are not neutral, so its equation stands where
+the plant's equations live and a corrected ship is an ordinary ship. The entry adds what an engineer must
+be told: equation, balance, what excites it, what it can be mistaken for, what would tell them apart.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.resources
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from ...plant.ship import Ship, ShipError, record_name
+from ...plant.ship_sections import DcMotor, Diesel
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Args:
+        key: dotted key of the ship's file.
+        probes: values at which the effect is first tried, in ``of``.
+        of: what a probe of 1 is worth: ``unit`` (the key's own unit), or a mean of the nominal
+            simulation: ``torque`` [N m], ``brake_torque`` [N m], ``force`` [N], ``shaft_speed`` [rad/s],
+            ``engine_speed`` [rad/s], ``drive`` (of the prime mover), or a combination of two such as
+            ``torque/shaft_speed``.
+        signed: whether the negative probes are tried too.
+        absolute: the probes are values of the key, not deviations from its neutral value.
+        least: distance from the neutral value below which something else looks the same, and the
+            effect is not named; in the key's own unit.
+    """
+
+    key: str
+    probes: tuple[float, ...]
+    of: str = "unit"
+    signed: bool = False
+    absolute: bool = False
+    least: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Name in reports: the key without its section."""
+        return self.key.split(".")[-1]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An entry of the catalogue.
+
+    Args:
+        id: name of the physics.
+        balance: in which it acts.
+        parameters: that the tool fits; more than one are tried in all combinations.
+        equation: in plain text.
+        latex: the same.
+        lacks: what the balance lacks, in words: the end of the report's sentence.
+        excitation: what the recording must do for the effect to show.
+        confused_with: ids that a recording may not be able to tell from it.
+        split_by: manoeuvre or sensor that would.
+        fixed: keys that are set with it, by a mean of the nominal simulation.
+        ties: keys that follow a parameter: (key, parameter's key, factor).
+        needs: columns without which it cannot be tried.
+        windowed: acts for a time, whose start and end are fitted too.
+        form: what tells it from an entry of the same id and balance.
+    """
+
+    id: str
+    balance: str
+    parameters: tuple[Parameter, ...]
+    equation: str
+    latex: str
+    lacks: str
+    excitation: str
+    confused_with: tuple[str, ...] = ()
+    split_by: str = ""
+    fixed: tuple[tuple[str, str], ...] = ()
+    ties: tuple[tuple[str, str, float], ...] = ()
+    needs: tuple[str, ...] = ()
+    windowed: bool = False
+    form: str = ""
+
+    @property
+    def label(self) -> str:
+        """Id and balance, for friction may act in several; and the form where there are some."""
+        return f"{self.id} ({self.balance}{', ' + self.form if self.form else ''})"
+
+
+@functools.cache
+def catalogue() -> tuple[Effect, ...]:
+    """Every entry, as ``catalogue.toml`` states them."""
+    text = (
+        importlib.resources.files("shaftline.mismatch.search")
+        .joinpath("catalogue.toml")
+        .read_text("utf-8")
+    )
+    return tuple(_entry(item) for item in tomllib.loads(text)["effect"])
+
+
+def _entry(item: dict[str, Any]) -> Effect:
+    parameters = tuple(
+        Parameter(**{**p, "probes": tuple(p["probes"])}) for p in item.pop("parameters")
+    )
+    for key in ("confused_with", "needs"):
+        item[key] = tuple(item.get(key, ()))
+    item["ties"] = tuple((key, of, float(factor)) for key, of, factor in item.get("ties", ()))
+    item["fixed"] = tuple(item.get("fixed", {}).items())
+    return Effect(parameters=parameters, **item)
+
+
+def applicable(ship: Ship, columns: Iterable[str], exclude: Iterable[str] = ()) -> list[Effect]:
+    """Entries that a ship can have and a recording could show.
+
+    Args:
+        ship: the nominal ship.
+        columns: of the recording.
+        exclude: ids to leave out.
+
+    Raises:
+        ValueError: an id to leave out is unknown.
+    """
+    known, left_out = set(columns), set(exclude)
+    unknown = left_out - {effect.id for effect in catalogue()}
+    if unknown:
+        names = ", ".join(sorted({effect.id for effect in catalogue()}))
+        raise ValueError(f"unknown effect {sorted(unknown)[0]!r}; known: {names}")
+    motor = not isinstance(ship.prime_mover, Diesel)
+    voltage = isinstance(ship.prime_mover, DcMotor)
+    found = []
+    for effect in catalogue():
+        if effect.id in left_out or not set(effect.needs) <= known:
+            continue
+        if effect.balance == ("engine" if motor else "motor"):
+            continue
+        if motor and effect.balance == "propeller" and "friction" in effect.id:
+            continue  # one shaft without a gauge in it: friction is the motor's
+        if effect.balance == "hull" and ship.hull.fixed:
+            continue
+        fixed_pitch = ship.propeller.pitch_ratio_min == ship.propeller.pitch_ratio_max
+        if "pitch" in effect.id and fixed_pitch:
+            continue
+        keys = [p.key for p in effect.parameters]
+        if any(k.startswith("prime_mover.") for k in keys) and motor and not voltage:
+            continue
+        try:
+            for key in keys:
+                record_name(key, ship)
+        except ShipError:
+            continue
+        found.append(effect)
+    return found

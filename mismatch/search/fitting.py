@@ -1,0 +1,241 @@
+"""Fitting effects by output error in the simulator, under noise of unknown colour.
+
+Whatever is fitted, the model is the plant's own simulation; its difference from the recording, in the
+coordinates of the balances, is whitened by :mod:`.spectra`. Nominal numbers are free inside their
+tolerances throughout, as normal variables, so that a number that is a little wrong is not called missing
+physics.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize, minimize_scalar
+
+from ..simulate.balances import Balances
+from ..simulate.tolerances import UNMOVED, tolerance_records
+from .placed import Placed, Workshop
+from .spectra import Bands, Complex, Likelihood
+
+FORM_ERROR = 0.05
+"""Most that the error of a form widens an interval by, as a share of the effect's size."""
+
+EDGE_S = 30.0
+"""Unit of a window's edges in the search [s]."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model fitted to the recording.
+
+    Args:
+        effects: with their fitted values.
+        score: 2 log L with the tolerances' prior [-]; only differences mean anything.
+        difference: recording minus simulation in the balances, transformed, with the nominal numbers
+            as the ship's file has them; shape (balances, frequencies).
+        tolerances: fitted share of each nominal number's tolerance, in standard deviations.
+        weight: inverse covariance of what is left, by band, shape (bands, balances, balances).
+    """
+
+    effects: tuple[Placed, ...]
+    score: float
+    difference: Complex
+    tolerances: NDArray[np.float64]
+    weight: Complex
+
+
+class Fitter:
+    """Scores and fits effects on one recording.
+
+    Args:
+        balances: of ship and recording.
+        bands: frequencies of the part that may be fitted.
+        scale: factor on all tolerances of the nominal numbers.
+    """
+
+    def __init__(self, balances: Balances, bands: Bands, scale: float = 1.0) -> None:
+        self.balances = balances
+        self.bands = bands
+        self.workshop = Workshop(balances)
+        self.simulations = 0
+        replay = balances.replay
+        self.measured = bands.transform(balances.residuals(replay.measured()))
+        self._cache: dict[bytes, Complex] = {}
+        nominal = self.predicted(self.workshop.nominal)
+        columns = []
+        for record, shift in tolerance_records(replay, scale):
+            columns.append(self._predict(record, shift) - nominal)
+        self.nuisance = np.array(columns)
+        self.likelihood = Likelihood(bands, self.nuisance)
+        self._shares = np.zeros(len(columns))
+        self.null = self.fitted(())
+        self._shares = self.null.tolerances
+
+    def _predict(self, record: Any, shift: tuple[float, float, float] = UNMOVED) -> Complex:
+        self.simulations += 1
+        replay = self.balances.replay
+        samples = replay.simulate(record, shift)
+        with np.errstate(invalid="ignore", over="ignore"):  # a trial may run away; it is refused
+            lacking = self.balances.residuals(replay.simulated(samples))
+            return self.bands.transform(lacking)
+
+    def predicted(self, record: Any) -> Complex:
+        """Transformed balance residuals of a simulation; remembers the last ones."""
+        key = record.tobytes()
+        if key not in self._cache:
+            if len(self._cache) > 64:
+                self._cache.pop(next(iter(self._cache)))
+            self._cache[key] = self._predict(record)
+        return self._cache[key]
+
+    def fitted(self, effects: tuple[Placed, ...]) -> Fit:
+        """Score of effects at their values, the nominal numbers adjusted inside their tolerances."""
+        difference = self.measured - self.predicted(self.workshop.record(effects))
+        if not np.isfinite(difference).all():
+            empty = np.zeros(len(self.nuisance))
+            return Fit(effects, -math.inf, difference, empty, self.null.weight)
+        found = self.likelihood(difference, self._shares)
+        return Fit(effects, found.score, difference, found.shares, found.weight)
+
+    def scaled(self, base: Fit, placed: Placed) -> Placed | None:
+        """An effect at the size that a straight line through a small one asks for, on top of a model.
+
+        Probes are spaced widely; what a recording shows may be far smaller than the smallest of them.
+
+        Returns:
+            None where no size in the parameter's range helps.
+        """
+        parameter = placed.effect.parameters[0]
+        neutral = self.workshop.neutral(parameter)
+        if math.isinf(neutral):
+            return None
+        moved = self.predicted(self.workshop.record((*base.effects, placed)))
+        column = moved - self.predicted(self.workshop.record(base.effects))
+        if not np.isfinite(column).all():
+            return None
+        share = self.likelihood.amount(base.weight, base.difference, column)
+        low, high = self.workshop.range_of(parameter.key)
+        value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
+        if abs(value - neutral) <= parameter.least or (value < neutral and not parameter.signed):
+            return None
+        return placed.with_values((value, *placed.values[1:]))
+
+    def refined(self, fit: Fit, which: int) -> Fit:
+        """Refit one of the effects, the others held."""
+        return self._searched(fit, [which], evaluations=40, spread=0.35)
+
+    def joint(self, fit: Fit, evaluations: int = 90) -> Fit:
+        """Refit all effects together."""
+        return self._searched(fit, list(range(len(fit.effects))), evaluations, spread=0.1)
+
+    def _searched(self, fit: Fit, which: list[int], evaluations: int, spread: float) -> Fit:
+        searches = [_Search(self.workshop, fit.effects[i]) for i in which]
+        points = [search.point() for search in searches]
+        cuts = np.cumsum([len(point) for point in points])[:-1]
+        best = [fit]
+
+        def loss(point: Any) -> float:
+            trial = list(fit.effects)
+            for i, search, part in zip(
+                which, searches, np.split(np.atleast_1d(point), cuts), strict=True
+            ):
+                trial[i] = search.placed(part)
+            found = self.fitted(tuple(trial))
+            if found.score > best[0].score:
+                best[0] = found
+            return -found.score if math.isfinite(found.score) else 1e12
+
+        start = np.concatenate(points)
+        if len(start) == 1:
+            minimize_scalar(
+                loss, bounds=(start[0] - 1.5, start[0] + 1.5), method="bounded",
+                options={"xatol": 0.005, "maxiter": 16},
+            )  # fmt: skip
+        else:
+            simplex = np.vstack([start, start + spread * np.eye(len(start))])
+            minimize(
+                loss, start, method="Nelder-Mead",
+                options={"maxfev": evaluations, "xatol": 3e-3, "fatol": 0.05,
+                         "initial_simplex": simplex},
+            )  # fmt: skip
+        return best[0]
+
+    def intervals(self, fit: Fit, misfit: float = 0.0) -> list[tuple[tuple[float, float], ...]]:
+        """95 % intervals of every effect's values, the nominal numbers free in their tolerances.
+
+        From the curvature of the whitened likelihood over steps of one standard error, so that bends
+        inside the interval are felt. An effect's true form is never quite the catalogue's, and the part
+        of the form's error that looks like another value does not show in the residual: it is taken to
+        be as large as the part that does, up to :data:`FORM_ERROR`.
+
+        Args:
+            fit: the model.
+            misfit: rms of what the model leaves beyond noise over that of what there was without it.
+        """
+        flat = [(i, j) for i, placed in enumerate(fit.effects) for j in range(len(placed.values))]
+        if not flat:
+            return []
+        here = self.predicted(self.workshop.record(fit.effects))
+        steps = np.array([1e-2 * abs(fit.effects[i].values[j]) + 1e-9 for i, j in flat])
+        errors = steps.copy()
+        for _ in range(3):
+            columns = []
+            for (i, j), step in zip(flat, steps, strict=True):
+                values = list(fit.effects[i].values)
+                values[j] += step
+                trial = list(fit.effects)
+                trial[i] = trial[i].with_values(values)
+                columns.append((self.predicted(self.workshop.record(tuple(trial))) - here) / step)
+            information = self.likelihood.information(fit.weight, np.array(columns))
+            covariance = np.linalg.pinv(information)
+            errors = np.sqrt(np.maximum(np.diag(covariance)[: len(flat)], 1e-300))
+            sizes = np.array([abs(fit.effects[i].values[j]) for i, j in flat])
+            steps = np.clip(errors, 1e-4 * sizes + 1e-12, 0.5 * sizes + 1e-9)
+        found: list[list[tuple[float, float]]] = [[] for _ in fit.effects]
+        for (i, j), error in zip(flat, errors, strict=True):
+            value = fit.effects[i].values[j]
+            size = abs(value - self.workshop.origin(fit.effects[i].effect.parameters[j]))
+            half = math.hypot(1.96 * error, min(misfit, FORM_ERROR) * size)
+            found[i].append((value - half, value + half))
+        return [tuple(pairs) for pairs in found]
+
+
+class _Search:
+    """Coordinates in which an effect is searched: logarithms of its values' distances from neutral,
+    and its window's edges in units of :data:`EDGE_S`.
+    """
+
+    def __init__(self, workshop: Workshop, placed: Placed) -> None:
+        self._placed = placed
+        self._neutral, self._sign, self._least = [], [], []
+        for parameter, value in zip(placed.effect.parameters, placed.values, strict=True):
+            base = workshop.origin(parameter)
+            self._neutral.append(base)
+            self._sign.append(1.0 if value >= base else -1.0)
+            self._least.append(parameter.least)
+
+    def point(self) -> NDArray[np.float64]:
+        """Coordinates of the effect as it was placed."""
+        distance = [abs(v - n) for v, n in zip(self._placed.values, self._neutral, strict=True)]
+        edges = [t / EDGE_S for t in self._placed.window or ()]
+        return np.concatenate([np.log(np.maximum(distance, 1e-12)), edges])
+
+    def placed(self, point: Any) -> Placed:
+        """The effect at coordinates."""
+        point = np.atleast_1d(point)
+        count = len(self._neutral)
+        values = [
+            n + s * max(math.exp(min(x, 60.0)), least)
+            for n, s, least, x in zip(
+                self._neutral, self._sign, self._least, point[:count], strict=True
+            )
+        ]
+        window = self._placed.window
+        if window is not None:
+            start, end = sorted(float(x) * EDGE_S for x in point[count:])
+            window = (max(start, 0.0), max(end, 0.0))
+        return Placed(self._placed.effect, tuple(values), window)

@@ -1,0 +1,186 @@
+"""Which effects a recording asks for: screen the catalogue, fit the best, add forward, drop backward."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from .catalogue import Effect
+from .fitting import Fit, Fitter
+from .placed import Placed, Window
+
+MOST_EFFECTS = 3
+REFINED = 5
+"""How many of a screen's best are refined by output error."""
+
+TELL_APART = 6.0
+"""Difference of 2 log L below which two names cannot be told apart (odds of about 20 to 1)."""
+
+FORM_ERROR = 0.01
+"""Share of a gain by which the form of a right name may be worse than that of a wrong one."""
+
+Tick = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect tried on top of a model."""
+
+    effect: Effect
+    fit: Fit  # with the effect in the last place
+    gain: float  # in 2 log L
+
+    @property
+    def placed(self) -> Placed:
+        """The effect with its values."""
+        return self.fit.effects[-1]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the search found.
+
+    Args:
+        fit: the model, with the chosen effects in the order of their discovery.
+        gains: in 2 log L that each chosen effect brings, the others present.
+        thresholds: that each had to pass.
+        rivals: of each chosen effect: others that would have done as well, best first.
+        ranking: the first screen of the whole catalogue, best first.
+    """
+
+    fit: Fit
+    gains: tuple[float, ...]
+    thresholds: tuple[float, ...]
+    rivals: tuple[tuple[Candidate, ...], ...]
+    ranking: tuple[Candidate, ...]
+
+
+def threshold(parameters: int, samples: int, candidates: int) -> float:
+    """Gain in 2 log L that chance alone does not reach: p ln N + 2 ln K.
+
+    Args:
+        parameters: of the effect, p.
+        samples: of the recording, N.
+        candidates: tried, K.
+    """
+    return parameters * math.log(samples) + 2.0 * math.log(max(candidates, 2))
+
+
+class Selector:
+    """Searches the catalogue.
+
+    Args:
+        fitter: of the recording.
+        effects: candidates.
+        windows: in which an effect that acts for a time may do so [s].
+        tick: told the stage, how much is done, and how much there is.
+    """
+
+    def __init__(
+        self, fitter: Fitter, effects: list[Effect], windows: list[Window], tick: Tick
+    ) -> None:
+        self.fitter = fitter
+        self.effects = effects
+        self.windows = windows
+        self.tick = tick
+        self.samples = sum(
+            b - a for a, b in zip(fitter.bands.starts, fitter.bands.ends, strict=True)
+        )
+
+    def threshold(self, effect: Effect) -> float:
+        """That an effect must pass; its window counts as two parameters."""
+        count = len(effect.parameters) + 2 * effect.windowed
+        return threshold(count, self.samples, len(self.effects))
+
+    def screen(self, base: Fit, stage: str) -> list[Candidate]:
+        """Every effect at the best of its probes on top of a model, best first."""
+        taken = {(placed.effect.id, placed.effect.balance) for placed in base.effects}
+        found = []
+        pending = [e for e in self.effects if (e.id, e.balance) not in taken]
+        for done, effect in enumerate(pending):
+            self.tick(stage, done, len(pending))
+            best: Fit | None = None
+            for placed in self._trials(base, effect):
+                fit = self.fitter.fitted((*base.effects, placed))
+                if best is None or fit.score > best.score:
+                    best = fit
+            if best is not None and math.isfinite(best.score):
+                found.append(Candidate(effect, best, best.score - base.score))
+        self.tick(stage, len(pending), len(pending))
+        return sorted(found, key=self._merit, reverse=True)
+
+    def _trials(self, base: Fit, effect: Effect) -> Iterator[Placed]:
+        """An effect at its probes, and at the sizes to which the smallest of them point."""
+        workshop = self.fitter.workshop
+        yield from workshop.trials(effect, self.windows)
+        for small in workshop.smallest(effect, self.windows):
+            placed = self.fitter.scaled(base, small)
+            if placed is not None:
+                yield placed
+
+    def _merit(self, candidate: Candidate) -> float:
+        return candidate.gain - self.threshold(candidate.effect)
+
+    def refine(self, base: Fit, candidates: list[Candidate]) -> list[Candidate]:
+        """The best of a screen, their values fitted; best first."""
+        worth = [
+            c for c in candidates[:REFINED] if c.gain > 0.25 * candidates[0].gain and c.gain > 1.0
+        ]
+        found = []
+        for candidate in worth:
+            fit = self.fitter.refined(candidate.fit, len(candidate.fit.effects) - 1)
+            found.append(Candidate(candidate.effect, fit, fit.score - base.score))
+        return sorted(found, key=self._merit, reverse=True)
+
+    def search(self) -> Selection:
+        """Forward selection of up to three effects, each checked backward."""
+        base = self.fitter.null
+        ranking: tuple[Candidate, ...] = ()
+        rivals: dict[str, tuple[Candidate, ...]] = {}
+        for round_ in range(MOST_EFFECTS):
+            screened = self.screen(base, f"screening the catalogue, round {round_ + 1}")
+            refined = self.refine(base, screened)
+            if round_ == 0:
+                names = {c.effect.label for c in refined}
+                rest = [c for c in screened if c.effect.label not in names]
+                ranking = tuple(sorted([*refined, *rest], key=lambda c: -c.gain))
+            if not refined or self._merit(refined[0]) <= 0.0:
+                break
+            best = refined[0]
+            fit = best.fit if len(best.fit.effects) == 1 else self.fitter.joint(best.fit)
+            rivals[best.effect.label] = tuple(
+                c
+                for c in refined[1:]
+                if self._merit(best) - self._merit(c) < max(TELL_APART, FORM_ERROR * best.gain)
+            )
+            base = self._without_the_idle(fit)
+        gains = tuple(base.score - self._without(base, i).score for i in range(len(base.effects)))
+        return Selection(
+            base,
+            gains,
+            tuple(self.threshold(p.effect) for p in base.effects),
+            tuple(rivals.get(p.effect.label, ()) for p in base.effects),
+            ranking,
+        )
+
+    def _without(self, fit: Fit, index: int) -> Fit:
+        """The model without one effect, the others fitted again."""
+        rest = fit.effects[:index] + fit.effects[index + 1 :]
+        reduced = self.fitter.fitted(rest)
+        if not rest:
+            return reduced
+        if len(rest) == 1:
+            return self.fitter.refined(reduced, 0)
+        return self.fitter.joint(reduced, 60)
+
+    def _without_the_idle(self, fit: Fit) -> Fit:
+        """Drop effects that a later one has made superfluous."""
+        index = 0
+        while len(fit.effects) > 1 and index < len(fit.effects) - 1:
+            reduced = self._without(fit, index)
+            if fit.score - reduced.score < self.threshold(fit.effects[index].effect):
+                fit, index = reduced, 0
+            else:
+                index += 1
+        return fit

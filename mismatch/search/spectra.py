@@ -1,0 +1,251 @@
+"""Whitened scoring: how likely coloured residuals are, without being told their colour.
+
+The residuals of the balances are noise of unknown spectrum: white instruments, their derivatives, a sea
+band, drift. In the frequency domain such noise is independent from one frequency to the next, with a
+covariance between the balances that varies slowly with frequency (Whittle 1953; Brillinger 1981,
+chapter 7). Bands of neighbouring frequencies each have a covariance of their own, free to be whatever
+the residual makes it, so a model's likelihood is
+
+    2 log L = -2 sum over bands of n_b log det S_b,   S_b = mean over the band of r r^H.
+
+A ratio of two such likelihoods says what a model explains without an assumed colour; the coloured noise
+that fools F, AICc and BIC on raw samples is inside S_b.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.compiled import compiled
+
+Complex = NDArray[np.complex128]
+
+TAPER_SHARE = 0.05
+"""Share of a segment at either end over which the cosine bell fades it in and out."""
+
+BAND_RATIO = 1.25
+"""Ratio of a band's upper to its lower edge, where it holds enough frequencies."""
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Frequencies of the segments of a recording, and the bands that pool them.
+
+    Args:
+        starts: first sample of each segment.
+        ends: one past its last.
+        interval_s: sampling interval [s].
+        edges: index of each band's first frequency among the pooled, sorted ones; shape (bands + 1,).
+        order: that sorts the pooled frequencies; shape (frequencies,).
+        weights: of each sorted frequency in the likelihood: 1, and 1/2 where the transform is real.
+        tapers: of each segment.
+    """
+
+    starts: tuple[int, ...]
+    ends: tuple[int, ...]
+    interval_s: float
+    edges: NDArray[np.int64]
+    order: NDArray[np.int64]
+    frequency_Hz: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    tapers: tuple[NDArray[np.float64], ...]
+
+    def transform(self, residual: NDArray[np.float64]) -> Complex:
+        """Tapered Fourier transform of residuals.
+
+        Args:
+            residual: shape (..., n) over the whole recording; the last axis is time.
+
+        Returns:
+            Shape (..., frequencies), sorted by frequency, scaled to keep the variance.
+        """
+        parts = [
+            np.fft.rfft(residual[..., a:b] * taper, axis=-1) / np.sqrt(np.sum(taper**2))
+            for a, b, taper in zip(self.starts, self.ends, self.tapers, strict=True)
+        ]
+        pooled = np.concatenate(parts, axis=-1)
+        return np.asarray(pooled[..., self.order])
+
+
+def _taper(n: int) -> NDArray[np.float64]:
+    """Split cosine bell (Tukey window)."""
+    edge = max(1, round(TAPER_SHARE * n))
+    window = np.ones(n)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+    window[:edge], window[n - edge :] = ramp, ramp[::-1]
+    return window
+
+
+def make_bands(
+    segments: list[tuple[int, int]], interval_s: float, balances: int, highest_Hz: float
+) -> Bands:
+    """Bands for residuals of some balances over segments of a recording.
+
+    Args:
+        segments: (first sample, one past the last) of each.
+        interval_s: [s].
+        balances: how many residuals are judged together; a band holds three times as many frequencies
+            at least, so that its covariance is well determined.
+        highest_Hz: frequencies above are left out.
+    """
+    frequency, weight = [], []
+    for a, b in segments:
+        f = np.fft.rfftfreq(b - a, interval_s)
+        real = (f == 0.0) | (np.isclose(f, 0.5 / interval_s))
+        frequency.append(f)
+        weight.append(np.where(real, 0.5, 1.0))
+    pooled = np.concatenate(frequency)
+    order = np.argsort(pooled, kind="stable")
+    order = order[pooled[order] <= highest_Hz]
+    ordered = pooled[order]
+    least = max(8, 3 * balances)
+    edges = [0]
+    while edges[-1] < len(ordered):
+        first = edges[-1]
+        last = int(np.searchsorted(ordered, ordered[first] * BAND_RATIO, side="right"))
+        last = max(last, first + least)
+        edges.append(len(ordered) if len(ordered) - last < least else last)
+    tapers = tuple(_taper(b - a) for a, b in segments)
+    return Bands(
+        tuple(a for a, _ in segments), tuple(b for _, b in segments), interval_s,
+        np.array(edges), order, ordered, np.concatenate(weight)[order], tapers,
+    )  # fmt: skip
+
+
+@compiled
+def _moments(
+    left: Complex,
+    right: Complex,
+    weights: NDArray[np.float64],
+    edges: NDArray[np.int64],
+    sums: Complex,
+) -> None:
+    for band in range(len(edges) - 1):
+        for p in range(len(left)):
+            for q in range(len(right)):
+                total = 0.0 + 0.0j
+                for f in range(edges[band], edges[band + 1]):
+                    total += weights[f] * left[p, f] * np.conj(right[q, f])
+                sums[band, p, q] = total
+
+
+def moments(bands: Bands, left: Complex, right: Complex) -> Complex:
+    """Sums of products over each band, left times right conjugate; shape (bands, p, q).
+
+    Args:
+        bands: the bands.
+        left: shape (p, frequencies).
+        right: shape (q, frequencies).
+    """
+    sums = np.zeros((len(bands.edges) - 1, len(left), len(right)), np.complex128)
+    _moments(
+        np.ascontiguousarray(left), np.ascontiguousarray(right), bands.weights, bands.edges, sums
+    )
+    return sums
+
+
+@dataclass(frozen=True)
+class Marginal:
+    """A residual with nuisance regressors fitted to it."""
+
+    score: float  # 2 log L with the prior of the shares
+    shares: NDArray[np.float64]  # of the regressors, in prior standard deviations
+    weight: Complex  # inverse covariance by band, shape (bands, m, m)
+
+
+class Likelihood:
+    """2 log L of residuals with some regressors free under a standard normal prior.
+
+    Everything is reduced to sums over bands once, so that the iteration between the regressors' shares
+    and the bands' covariances costs nothing.
+
+    Args:
+        bands: the bands.
+        regressors: shape (k, m, frequencies).
+    """
+
+    def __init__(self, bands: Bands, regressors: Complex) -> None:
+        self.bands = bands
+        k, m, f = regressors.shape
+        self.shape = (k, m)
+        self._flat = regressors.reshape(k * m, f)
+        count = len(bands.edges) - 1
+        products = moments(bands, self._flat, self._flat).reshape(count, k, m, k, m)
+        # rows: pairs (l, k) of regressors; columns: bands and pairs (q, p) of balances
+        self._pairs = np.ascontiguousarray(
+            products.transpose(1, 3, 0, 2, 4).reshape(k * k, count * m * m)
+        )
+        self._counts = np.add.reduceat(bands.weights, bands.edges[:-1])
+
+    def __call__(
+        self, residual: Complex, start: NDArray[np.float64] | None = None, tolerance: float = 0.05
+    ) -> Marginal:
+        """Best shares and score of a residual of shape (m, frequencies), from some shares on."""
+        k, m = self.shape
+        dd = moments(self.bands, residual, residual)
+        crossed = moments(self.bands, residual, self._flat).reshape(-1, m, k, m)
+        dz = np.ascontiguousarray(crossed.transpose(2, 0, 1, 3)).reshape(k, -1)
+        shares: Any = np.zeros(k) if start is None else start
+        score, weight = self._score(dd, dz, shares)
+        for _ in range(30):
+            turned = np.swapaxes(weight, 1, 2).ravel()
+            gram = 2.0 * (self._pairs @ turned).real.reshape(k, k)
+            right = 2.0 * (dz @ turned).real
+            trial = np.linalg.solve(gram + np.eye(k), right)
+            found, heavier = self._score(dd, dz, trial)
+            if found < score + tolerance:
+                if found > score:
+                    score, shares, weight = found, trial, heavier
+                break
+            score, shares, weight = found, trial, heavier
+        return Marginal(score, shares, weight)
+
+    def _score(self, dd: Complex, dz: Any, shares: NDArray[np.float64]) -> tuple[float, Any]:
+        cross = (shares @ dz).reshape(dd.shape)
+        quadratic = (np.outer(shares, shares).ravel() @ self._pairs).reshape(dd.shape)
+        sums = dd - cross - np.conj(np.swapaxes(cross, 1, 2)) + quadratic
+        covariance = sums / self._counts[:, None, None]
+        _, logdet = np.linalg.slogdet(covariance)
+        score = float(-2.0 * self._counts @ logdet - shares @ shares)
+        return score, np.linalg.inv(covariance)
+
+    def amount(self, weight: Complex, residual: Complex, column: Complex) -> float:
+        """Generalised least squares: how much of a column is in a residual, the regressors free.
+
+        Args:
+            weight: inverse covariance by band.
+            residual: shape (m, frequencies).
+            column: likewise.
+        """
+        k, m = self.shape
+        both = np.concatenate([residual, column])
+        crossed = moments(self.bands, both, self._flat).reshape(-1, 2, m, k, m)
+        with_regressors = 2.0 * np.einsum("bpq,baqkp->ak", weight, crossed).real
+        own = moments(self.bands, both, column).reshape(-1, 2, m, m)
+        with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
+        turned = np.swapaxes(weight, 1, 2).ravel()
+        gram = 2.0 * (self._pairs @ turned).real.reshape(k, k) + np.eye(k)
+        taken = np.linalg.solve(gram, with_regressors[1])
+        rest = with_column[1] - taken @ with_regressors[1]
+        return float((with_column[0] - taken @ with_regressors[0]) / rest) if rest > 0.0 else 0.0
+
+    def information(self, weight: Complex, columns: Complex) -> NDArray[np.float64]:
+        """Fisher information of columns and regressors together, the prior included.
+
+        Args:
+            weight: inverse covariance by band.
+            columns: shape (c, m, frequencies).
+
+        Returns:
+            Shape (c + k, c + k).
+        """
+        c = len(columns)
+        k, m = self.shape
+        flat = np.concatenate([columns.reshape(c * m, -1), self._flat])
+        products = moments(self.bands, flat, flat).reshape(-1, c + k, m, c + k, m)
+        gram = 2.0 * np.einsum("bpq,blqkp->kl", weight, products).real
+        return np.asarray(gram + np.diag([0.0] * c + [1.0] * k))

@@ -1,0 +1,162 @@
+"""The balances of a plant that measured signals can check in isolation.
+
+Each residual is what its balance lacks: the torque, force or pitch that must be added to the nominal
+model's so that the measured signals of its neighbours and its own agree. A fault in one balance does not
+smear over the others, as it does in the channels of an open-loop simulation.
+
+    engine      I_L dw/dt + M_m - M_drive(X, w)            [N m]
+    propeller   I_R dw/dt + M_p(w, P/D, v_a) + M_f - M_m   [N m]
+    hull        m dv/dt - k_p (1 - t) T + R(v)             [N]
+    pitch       P/D - its answer to the command            [-]
+    thrust      T - T(w, P/D, v_a), where it is measured   [N]
+    current     i - (U - K w) / R, where it is measured    [A]
+
+The residual is a coordinate, not the model: it is formed alike from measured and from simulated signals,
+and what is compared is their difference. Without a torque gauge, engine and propeller are one balance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.compiled import Record, compiled
+from ...plant.hull import resistance, wake_inflow, water_speed
+from ...plant.prime_mover import DC_MOTOR, DIESEL, diesel_torque, steady_motor_current
+from ...plant.propeller import propeller_load
+from ...plant.shaft import friction_torque
+from ...plant.ship_sections import DcMotor, TorqueSource
+from .replay import Replay
+
+Channels = dict[str, NDArray[np.float64]]
+
+
+@compiled
+def _static_loads(
+    plant: Record,
+    demand: NDArray[np.float64],
+    shaft_speed: NDArray[np.float64],
+    pitch_ratio: NDArray[np.float64],
+    ship_speed: NDArray[np.float64],
+    inflow: NDArray[np.float64],
+    elevation: NDArray[np.float64],
+    drive_torque: NDArray[np.float64],
+    load_torque: NDArray[np.float64],
+    thrust: NDArray[np.float64],
+    drag: NDArray[np.float64],
+    current: NDArray[np.float64],
+) -> None:
+    """Torques and forces of the nominal parts at each sample, without lags; the last five filled."""
+    for k in range(len(demand)):
+        omega = shaft_speed[k]
+        engine_speed = plant.gear_ratio * omega
+        rack = min(max(demand[k], plant.drive_min), plant.drive_max)
+        if plant.prime_mover == DIESEL:
+            brake = diesel_torque(plant, engine_speed, rack)
+        elif plant.prime_mover == DC_MOTOR:
+            current[k] = steady_motor_current(plant, rack, engine_speed)
+            brake = plant.motor_constant * current[k]
+        else:
+            brake = rack
+        drive_torque[k] = brake * plant.gear_ratio * plant.transmission_efficiency
+        drive_torque[k] -= friction_torque(
+            plant.coulomb_engine_side, plant.viscous_engine_side, omega
+        )
+        speed = water_speed(plant, ship_speed[k])
+        advance = wake_inflow(plant, speed) + inflow[k]
+        load = propeller_load(
+            plant, advance, omega, pitch_ratio[k], plant.depth + elevation[k], 0.0
+        )
+        load_torque[k] = load.torque / plant.relative_rotative_efficiency + friction_torque(
+            plant.coulomb_propeller_side, plant.viscous_propeller_side, omega
+        )
+        thrust[k] = load.thrust
+        drag[k] = resistance(plant, speed, 1.0)
+
+
+PART_OF = {"thrust": "propeller", "current": "motor"}
+"""The plant's balance to which a residual belongs that has a name of its own."""
+
+
+def rate(values: NDArray[np.float64], interval_s: float) -> NDArray[np.float64]:
+    """Time derivative by central differences; alike for measured and simulated signals."""
+    return np.asarray(np.gradient(values, interval_s))
+
+
+class Balances:
+    """The balances that a ship and the channels of a recording allow.
+
+    Attributes:
+        names: of the residuals' rows: ``engine``, ``propeller`` and so on.
+        units: of each.
+    """
+
+    def __init__(self, replay: Replay) -> None:
+        self.replay = replay
+        self.plant = replay.ship.record()
+        self.moving = not replay.ship.hull.fixed and "ship_speed_m_s" in replay.channels
+        self.gauged = "shaft_torque_N_m" in replay.channels
+        electric = isinstance(replay.ship.prime_mover, DcMotor | TorqueSource)
+        self.prime_mover = "motor" if electric else "engine"
+        rows = []
+        if "pitch_ratio" in replay.channels and replay.controllable:
+            rows.append(("pitch-actuator", "-"))
+        if "shaft_speed_rad_s" in replay.channels:
+            rows.append((self.prime_mover, "N m"))
+            if self.gauged:
+                rows.append(("propeller", "N m"))
+        if self.moving:
+            rows.append(("hull", "N"))
+        if "thrust_N" in replay.channels:
+            rows.append(("thrust", "N"))
+        if "motor_current_A" in replay.channels and isinstance(replay.ship.prime_mover, DcMotor):
+            rows.append(("current", "A"))
+        self.names = [name for name, _ in rows]
+        self.units = [unit for _, unit in rows]
+        nominal = replay.simulate(self.plant)
+        self.nominal = replay.simulated(nominal)
+        self.nominal_samples = nominal
+        # where a neighbour is not measured, its nominal simulation stands in
+        self._pitch = np.ascontiguousarray(nominal["pitch_ratio"])
+        self._speed = np.ascontiguousarray(nominal["ship_speed"])
+
+    def residuals(self, channels: Channels) -> NDArray[np.float64]:
+        """What each balance lacks, of measured or simulated channels; shape (balances, rows)."""
+        replay, plant, dt = self.replay, self.plant, self.replay.interval_s
+        pitch = channels.get("pitch_ratio", self._pitch) - float(plant["pitch_sensor_offset"])
+        speed = channels.get("ship_speed_m_s", self._speed)
+        omega = channels.get("shaft_speed_rad_s", self.nominal_samples["shaft_speed"])
+        n = replay.rows
+        drive, load, thrust, drag, current = (np.zeros(n) for _ in range(5))
+        _static_loads(
+            plant, replay.drive_rows, np.ascontiguousarray(omega), np.ascontiguousarray(pitch),
+            np.ascontiguousarray(speed), replay.inflow_rows, replay.elevation_rows,
+            drive, load, thrust, drag, current,
+        )  # fmt: skip
+        acceleration = rate(omega, dt)
+        left = float(plant["inertia_engine_side"])
+        right = float(plant["inertia_propeller_side"] + plant["entrained_inertia"])
+        found = []
+        for name in self.names:
+            if name == "pitch-actuator":
+                found.append(channels["pitch_ratio"] - self.nominal["pitch_ratio"])
+            elif name == self.prime_mover:
+                if self.gauged:
+                    found.append(left * acceleration + channels["shaft_torque_N_m"] - drive)
+                else:
+                    found.append((left + right) * acceleration + load - drive)
+            elif name == "propeller":
+                found.append(right * acceleration + load - channels["shaft_torque_N_m"])
+            elif name == "hull":
+                hull = replay.ship.hull
+                push = hull.propellers * (1.0 - hull.thrust_deduction) * thrust
+                found.append(float(plant["mass"]) * rate(speed, dt) - push + drag)
+            elif name == "thrust":
+                found.append(channels["thrust_N"] - thrust)
+            else:
+                found.append(channels["motor_current_A"] - current)
+        return np.array(found)
+
+    def lacking(self, simulated: Channels) -> NDArray[np.float64]:
+        """What a simulation lacks of the recording in each balance; shape (balances, rows)."""
+        return self.residuals(self.replay.measured()) - self.residuals(simulated)

@@ -1,0 +1,1 @@
+"""The proof on concealed data: an independent reality, sealed cases, scores."""

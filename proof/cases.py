@@ -1,0 +1,212 @@
+"""Cases: what a seed conceals in a recording, drawn before anything is simulated."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from .reality.bench import CALM_PROGRAMME, PROGRAMMES
+from .reality.crew_demands import DULL, LIVELY
+from .reality.effects import BENCH, BY_KEY, CONFOUNDED, EFFECTS, FRIGATE, UNKNOWN, Effect
+from .reality.numbers import Numbers
+
+BLOCK = (
+    ("single",) * 8 + ("two",) * 2 + ("ablated",) * 2 + ("null-calm",) * 2 + ("null-waves",) * 2
+    + ("null-wrong-number", "unknown", "unknown", "confounded")
+)  # fmt: skip
+"""Kinds of every twenty cases: eight of them null, unknown or confounded."""
+
+KINDS = tuple(dict.fromkeys(BLOCK))
+STRENGTHS = {"weak": (0.2, 0.2), "medium": (0.5, 1.0), "strong": (2.0, 4.0)}
+"""Rms of an effect's change over the rms of what the file's ship leaves without it; see ``World``."""
+
+TOLERANCES = {
+    FRIGATE: {"resistance": 0.01, "inertia_front": 0.01, "inertia_back": 0.01, "map_rack": 0.005},
+    BENCH: {"inertia": 0.01, "kq": 0.005, "ohm": 0.005},
+}
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """One effect as drawn: its shape, its sign and the strength that it shall have."""
+
+    key: str
+    ratio: float
+    sign: float
+    shape: Numbers
+
+    @property
+    def effect(self) -> Effect:
+        """The table's entry."""
+        return BY_KEY[self.key]
+
+
+@dataclass(frozen=True)
+class Case:
+    """Everything that decides a recording, and what the tool may not use."""
+
+    seed: int
+    index: int
+    kind: str
+    ship: str
+    strength: str  # weak, medium, strong, or "none"
+    effects: tuple[Concealed, ...]
+    exclude: tuple[str, ...]  # ids to be taken out of the tool's catalogue
+    programme: str
+    programme_seed: int
+    noise_seed: int
+    seconds: float
+    period: float
+    wave_height: float  # m; 0 is calm
+    wave_period: float  # s
+    instruments: Numbers
+    factors: Numbers  # of the true ship's numbers on its file's
+    columns: tuple[str, ...]  # optional ones that are recorded
+
+
+def _order(seed: int, label: str, count: int, turn: int) -> list[int]:
+    """A permutation, another for every turn through the list."""
+    digest = hashlib.sha256(f"{seed}/{label}/{turn}".encode()).digest()
+    return [int(i) for i in np.random.default_rng(list(digest[:8])).permutation(count)]
+
+
+def _turn(seed: int, label: str, items: tuple[Any, ...], number: int) -> Any:
+    """The ``number``-th of the items dealt like cards: all of them before any comes again."""
+    turn, place = divmod(number, len(items))
+    return items[_order(seed, label, len(items), turn)[place]]
+
+
+def case_kind(seed: int, index: int) -> tuple[str, int]:
+    """A case's kind, and how many of that kind come before it."""
+    block, place = divmod(index, len(BLOCK))
+    shuffled = [BLOCK[i] for i in _order(seed, "kinds", len(BLOCK), block)]
+    kind = shuffled[place]
+    return kind, block * BLOCK.count(kind) + shuffled[:place].count(kind)
+
+
+def _conceal(effect: Effect, ratio: float, rng: Generator) -> Concealed:
+    shape = {name: float(rng.uniform(*limits)) for name, limits in effect.shape.items()}
+    sign = -1.0 if effect.signs and rng.random() < 0.5 else 1.0
+    return Concealed(effect.key, ratio, sign, shape)
+
+
+def _two(seed: int, number: int) -> list[Effect]:
+    ours = tuple(effect for effect in EFFECTS if effect.ship == FRIGATE)
+    first = _turn(seed, "first", ours, number)
+    others = tuple(
+        effect
+        for effect in ours
+        if effect.balance != first.balance
+        and effect.family != first.family
+        and set(effect.programmes) & set(first.programmes)
+    )
+    return [first, _turn(seed, "second", others, number)]
+
+
+def _effects(seed: int, kind: str, number: int) -> list[Effect]:
+    if kind in ("single", "ablated"):
+        return [_turn(seed, kind, EFFECTS, number)]
+    if kind == "unknown":
+        return [_turn(seed, kind, UNKNOWN, number)]
+    if kind == "confounded":
+        return [BY_KEY[_turn(seed, kind, CONFOUNDED, number)]]
+    return _two(seed, number) if kind == "two" else []
+
+
+def _instruments(ship: str, rng: Generator) -> Numbers:
+    rounding = float(rng.random() < 0.3)
+    if ship == BENCH:
+        drawn = {"encoder_noise": rng.uniform(0.03, 0.15), "current_noise": rng.uniform(0.01, 0.05)}
+    else:
+        drawn = {
+            "encoder_noise": rng.uniform(0.005, 0.02),
+            "gauge_noise": rng.uniform(500.0, 1500.0),
+            "pitch_noise": rng.uniform(0.001, 0.003),
+            "log_noise": rng.uniform(0.02, 0.06),
+        }
+    return {name: float(value) for name, value in drawn.items()} | {"rounding": rounding}
+
+
+def _factors(ship: str, always: bool, rng: Generator) -> Numbers:
+    wrong = always or rng.random() < 0.3
+    return {
+        name: float(1.0 + wrong * tolerance * rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.0))
+        for name, tolerance in TOLERANCES[ship].items()
+    }
+
+
+def _programme(kind: str, ship: str, effects: list[Effect], rng: Generator) -> str:
+    if kind == "confounded":
+        return DULL
+    own = PROGRAMMES if ship == BENCH else LIVELY
+    allowed = [
+        name for name in own if all(name in e.programmes or e.programmes == LIVELY for e in effects)
+    ]
+    if kind.startswith("null") and rng.random() < 0.2:
+        return CALM_PROGRAMME if ship == BENCH else DULL
+    return str(rng.choice(allowed))
+
+
+def draw_case(seed: int, index: int) -> Case:
+    """Draw one case; the same seed and index always give the same."""
+    kind, number = case_kind(seed, index)
+    rng = np.random.default_rng([seed, index, 20])
+    effects = _effects(seed, kind, number)
+    bench_null = kind in ("null-calm", "null-wrong-number") and number % 5 == 2
+    ship = effects[0].ship if effects else (BENCH if bench_null else FRIGATE)
+    strengths: tuple[str, ...] = tuple(STRENGTHS)
+    if kind in ("two", "unknown", "confounded", "ablated"):
+        strengths = ("medium", "strong")
+    strength = _turn(seed, f"strength {kind}", strengths, number) if effects else "none"
+    concealed = tuple(
+        _conceal(effect, float(rng.uniform(*STRENGTHS[strength])), rng) for effect in effects
+    )
+    airy = any(effect.waves for effect in effects)
+    wavy = kind == "null-waves" or airy or (kind != "null-calm" and rng.random() < 0.5)
+    wavy &= ship == FRIGATE
+    low, high = (4.0, 6.5) if airy else (0.5, 3.5)
+    height = float(rng.uniform(low, high))
+    columns = ["thrust_N"] if rng.random() < 0.3 else []
+    if airy or (wavy and rng.random() < 0.5):
+        columns.append("propeller_submergence_m")
+    return Case(
+        seed=seed,
+        index=index,
+        kind=kind,
+        ship=ship,
+        strength=strength,
+        effects=concealed,
+        exclude=(effects[0].id,) if kind == "ablated" else (),
+        programme=_programme(kind, ship, effects, rng),
+        programme_seed=int(rng.integers(2**31)),
+        noise_seed=int(rng.integers(2**31)),
+        seconds=float(rng.integers(6, 13) * (50.0 if ship == BENCH else 100.0)),
+        period=0.1,
+        wave_height=height if wavy else 0.0,
+        wave_period=float(4.3 * height**0.5 + rng.uniform(0.0, 2.5)),
+        instruments=_instruments(ship, rng),
+        factors=_factors(ship, kind == "null-wrong-number", rng),
+        columns=tuple(columns),
+    )
+
+
+def truth_of(case: Case, sizes: dict[str, float], ratios: dict[str, float], notes: Any) -> Any:
+    """What is sealed: the case, the sizes and strengths reached, and what else scoring needs.
+
+    The nonce keeps anyone from guessing the case and comparing hashes.
+    """
+    nonce = hashlib.sha256(f"nonce/{case.seed}/{case.index}/{case.noise_seed}".encode()).hexdigest()
+    return json.loads(json.dumps(
+        {"nonce": nonce, "case": asdict(case), "sizes": sizes, "ratios": ratios, **notes}
+    ))  # fmt: skip
+
+
+def sealed(truth: Any) -> str:
+    """SHA-256 of the truth's canonical JSON."""
+    text = json.dumps(truth, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()

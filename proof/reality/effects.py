@@ -1,0 +1,153 @@
+"""The effects that reality may conceal, as data.
+
+Each is one number that grows with its strength, and numbers that shape it, drawn for every case. The
+ids are those of the design's vocabulary; the forms are not. Those in ``UNKNOWN`` stand in nobody's
+catalogue.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from .crew_demands import LIVELY
+
+FRIGATE, BENCH = "frigate", "bench-thruster"
+MOVING = ("steps", "ramps", "staircase", "harbour")
+FAST = ("steps", "staircase")
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect: where it acts, the number that is its size, and what shapes it."""
+
+    id: str
+    balance: str
+    size: str  # the number that carries its strength
+    first: float  # a size to begin with
+    most: float  # largest size that makes sense
+    shape: dict[str, tuple[float, float]] = field(default_factory=dict)
+    signs: bool = False  # either sign
+    programmes: tuple[str, ...] = LIVELY
+    ship: str = FRIGATE
+    waves: bool = False  # shows in waves only
+    window: tuple[str, str] | None = None  # numbers that hold its begin and end, as shares
+    family: str = ""  # effects that a recording may well confuse
+
+    @property
+    def key(self) -> str:
+        """Id with the balance, unique among the effects of a ship."""
+        return f"{self.id}/{self.balance}"
+
+
+_DRY = {"stribeck_rise": (0.1, 0.4), "stribeck_speed": (3.0, 5.0)}
+_WET = {"wet_power": (0.9, 1.1)}
+_EPISODE = {
+    "episode_start": (0.15, 0.5), "episode_end": (0.6, 0.85), "episode_edge": (5.0, 25.0),
+}  # fmt: skip
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("engine-torque-lag", "engine", "lag_time", 1.0, 10.0, {"lag_damping": (0.75, 1.1)},
+           programmes=("steps", "sweep", "harbour"), family="delay"),
+    Effect("engine-dead-time", "engine", "dead_time", 0.5, 5.0, {"dead_time_jitter": (0.02, 0.08)},
+           programmes=("steps", "sweep", "harbour"), family="delay"),
+    Effect("rack-rate-limit", "engine", "rack_slowness", 0.3, 5.0,
+           {"rack_slowness_down": (0.75, 0.95)}, programmes=("steps", "harbour"), family="delay"),
+    Effect("engine-derating", "engine", "derating", 0.02, 0.4, {"derating_slope": (-0.2, 0.2)},
+           family="drive loss"),
+    Effect("engine-torque-curvature", "engine", "bend", 0.5, 6.0,
+           {"bend_speed": (65.0, 85.0), "bend_skew": (-0.2, 0.2)}, signs=True, programmes=MOVING,
+           family="drive loss"),
+    Effect("coulomb-friction", "engine", "dry_front", 4e3, 6e4, _DRY, family="drive loss"),
+    Effect("viscous-friction", "engine", "wet_front", 400.0, 6e3, _WET, family="drive loss"),
+    Effect("coulomb-friction", "propeller", "dry_back", 4e3, 6e4, _DRY, family="load"),
+    Effect("viscous-friction", "propeller", "wet_back", 400.0, 6e3, _WET, family="load"),
+    Effect("propeller-roughness", "propeller", "section_drag", 0.002, 0.04,
+           {"section_thrust": (0.15, 0.35), "section_torque": (0.2, 0.34)}, family="load"),
+    Effect("entrained-water-inertia", "propeller", "water_inertia", 8e3, 8e4,
+           {"water_load": (-0.3, 0.3)}, programmes=("steps", "sweep", "harbour"), family="inertia"),
+    Effect("ventilation", "propeller", "air_torque", 0.15, 0.85,
+           {"air_thrust_ratio": (1.0, 1.15), "air_submergence": (1.0, 1.35), "air_width": (0.05, 0.12),
+            "air_growth": (0.3, 0.8), "air_washout": (1.0, 3.0)}, waves=True, family="air"),
+    Effect("inflow-lag", "propeller", "inflow_length", 30.0, 250.0, programmes=("steps", "harbour"),
+           family="inflow"),
+    Effect("wake-speed-dependence", "propeller", "wake_change", 0.03, 0.3,
+           {"wake_middle": (5.5, 8.0), "wake_width": (1.5, 3.5)}, signs=True, programmes=MOVING,
+           family="inflow"),
+    Effect("cavitation-breakdown", "propeller", "breakdown", 0.3, 4.0,
+           {"breakdown_sigma": (1.0, 1.35), "breakdown_torque": (0.5, 0.9)}, programmes=FAST,
+           family="load"),
+    Effect("hull-fouling", "hull", "fouling", 0.05, 0.8, {"fouling_power": (1.9, 2.1)},
+           family="resistance"),
+    Effect("resistance-episode", "hull", "episode_gain", 0.08, 1.5, _EPISODE,
+           window=("episode_start", "episode_end"), family="resistance"),
+    Effect("current", "hull", "current", 0.2, 2.5,
+           {"current_swing": (-0.3, 0.3), "current_period": (800.0, 2500.0),
+            "current_phase": (0.0, 6.28)}, signs=True, family="resistance"),
+    Effect("pitch-dead-band", "pitch-actuator", "pitch_dead_band", 0.01, 0.15,
+           {"pitch_dead_band_stop": (0.5, 0.8)}, programmes=(*MOVING, "sweep"), family="pitch"),
+    Effect("pitch-backlash", "pitch-actuator", "pitch_play", 0.01, 0.15,
+           {"pitch_play_round": (0.1, 0.25)}, programmes=("steps", "harbour", "sweep", "ramps"),
+           family="pitch"),
+    Effect("pitch-rate-limit", "pitch-actuator", "pitch_slowness", 20.0, 250.0,
+           programmes=("steps", "harbour"), family="pitch"),
+    Effect("pitch-actuator-offset", "pitch-actuator", "pitch_shift", 0.01, 0.2,
+           {"pitch_shift_slope": (-0.2, 0.2)}, signs=True, family="pitch"),
+    Effect("pitch-sensor-offset", "sensor", "pitch_reading", 0.01, 0.2,
+           {"pitch_reading_slope": (-0.2, 0.2)}, signs=True, family="pitch"),
+    Effect("torque-sensor-bias", "sensor", "torque_zero", 3e3, 5e4,
+           {"torque_zero_drift": (-0.1, 0.1)}, signs=True, family="gauge"),
+    Effect("torque-sensor-gain", "sensor", "torque_scale", 0.02, 0.3,
+           {"torque_scale_bow": (-0.15, 0.15)}, signs=True, family="gauge"),
+    Effect("torque-sensor-delay", "sensor", "torque_delay", 0.5, 5.0, {"torque_filter": (0.2, 0.5)},
+           programmes=("steps", "sweep", "harbour"), family="gauge"),
+    Effect("speed-log-lag", "sensor", "log_window", 20.0, 240.0, programmes=("steps", "harbour"),
+           family="log"),
+    Effect("command-dead-zone", "motor", "command_gap", 0.1, 4.0, {"command_gap_round": (0.1, 0.25)},
+           ship=BENCH, family="motor loss"),
+    Effect("coulomb-friction", "motor", "dry_front", 0.02, 2.0,
+           {"stribeck_rise": (0.1, 0.4), "stribeck_speed": (5.0, 15.0)}, ship=BENCH,
+           family="motor loss"),
+    Effect("viscous-friction", "motor", "wet_front", 5e-4, 0.03, _WET, ship=BENCH,
+           family="motor loss"),
+    Effect("quadratic-drag", "motor", "turning_drag", 1e-5, 1e-3, {"turning_power": (1.9, 2.1)},
+           ship=BENCH, family="motor loss"),
+    Effect("direction-asymmetry", "motor", "astern_change", 0.05, 0.6, {"astern_width": (2.0, 5.0)},
+           signs=True, ship=BENCH, programmes=("reversals", "sines"), family="motor load"),
+    Effect("supply-limit", "motor", "supply_sag", 0.05, 1.0, ship=BENCH,
+           programmes=("staircase", "sines", "reversals"), family="supply"),
+    Effect("inflow-lag", "motor", "flow_memory", 0.4, 8.0, {"flow_share": (0.2, 0.4)}, ship=BENCH,
+           programmes=("steps", "sines", "reversals"), family="inflow"),
+)  # fmt: skip
+
+UNKNOWN: tuple[Effect, ...] = (
+    Effect("shallow-water", "hull", "shallow_rise", 0.1, 6.0, {"shallow_speed": (4.0, 5.5)},
+           programmes=FAST),
+    Effect("warm-bearing", "engine", "bearing_heat", 4e3, 6e4, {"bearing_time": (150.0, 500.0)}),
+    Effect("shaft-generator", "engine", "generator_torque", 5e3, 6e4,
+           {"generator_start": (0.15, 0.45), "generator_end": (0.55, 0.85)},
+           window=("generator_start", "generator_end")),
+    Effect("fuel-limiter", "engine", "limiter_cut", 0.1, 0.8, programmes=("steps", "harbour")),
+    Effect("air-injection", "propeller", "bubbles", 0.04, 0.5,
+           {"bubbles_period": (40.0, 90.0), "bubbles_share": (0.2, 0.4)}),
+    Effect("rudder-action", "hull", "rudder", 0.1, 1.5, {"rudder_period": (25.0, 60.0)}),
+    Effect("torsional-order", "propeller", "order_torque", 3e3, 6e4, {"order_ratio": (0.1, 0.2)}),
+    Effect("winding-heat", "motor", "winding_heat", 0.1, 3.0, {"winding_time": (60.0, 200.0)},
+           ship=BENCH),
+    Effect("cogging", "motor", "cogging", 0.02, 2.0, ship=BENCH),
+)  # fmt: skip
+
+CONFOUNDED = (
+    "engine-derating/engine", "engine-torque-curvature/engine", "coulomb-friction/engine",
+    "viscous-friction/engine", "coulomb-friction/propeller", "viscous-friction/propeller",
+    "propeller-roughness/propeller", "wake-speed-dependence/propeller", "hull-fouling/hull",
+    "current/hull", "pitch-actuator-offset/pitch-actuator", "pitch-sensor-offset/sensor",
+    "torque-sensor-bias/sensor", "torque-sensor-gain/sensor",
+)  # fmt: skip
+"""Effects that a nearly steady cruise shows but cannot tell apart."""
+
+BY_KEY = {effect.key: effect for effect in (*EFFECTS, *UNKNOWN)}
+
+
+def families(ship: str, name: str) -> set[str]:
+    """The families that an id belongs to on a ship."""
+    return {e.family for e in EFFECTS if (e.ship, e.id) == (ship, name)}

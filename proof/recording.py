@@ -1,0 +1,98 @@
+"""A case made real: the recording, its truth, and what an oracle would know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import pandas as pd
+
+from .cases import Case, Concealed, truth_of
+from .equivalents import equivalent
+from .reality.numbers import Numbers
+from .scenario import World, with_effect
+
+LEAST = (
+    0.15  # strength below which another programme is drawn, since this one does not show the effect
+)
+ATTEMPTS = 4
+OPTIONAL = ("thrust_N", "propeller_submergence_m")
+_DIGITS = {"time_s": 4, "fuel_rack_mm": 4, "pitch_ratio_command": 5, "pitch_ratio": 5,
+           "shaft_speed_rad_s": 5, "shaft_torque_N_m": 1, "ship_speed_m_s": 5, "thrust_N": 3,
+           "propeller_submergence_m": 3, "motor_voltage_V": 4, "motor_current_A": 5}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Reality:
+    """A recording and its truth."""
+
+    recording: pd.DataFrame
+    truth: Any
+    without: pd.DataFrame  # the true ship without its effects, calm, perfect instruments
+    concealed: pd.DataFrame  # with them, calm, as faulty instruments read it without noise
+
+
+@dataclass
+class _Found:
+    """Effects with their sizes; strengths beyond tolerances, raw strengths, channels."""
+
+    world: World
+    sailed: pd.DataFrame
+    numbers: Numbers
+    sizes: dict[str, float]
+    beyond: dict[str, float]
+    ratios: dict[str, float]
+    channels: dict[str, str]
+
+
+def make(case: Case) -> Reality:
+    """Simulate a case.
+
+    An effect's strength is the rms of its change of the most affected reading, less what numbers
+    within their tolerances can imitate of it, over the rms of (recording without effects - file's ship
+    in calm water), on this very programme and sea. Where a programme cannot show an effect, another is
+    drawn. The truth also holds the strength without regard to tolerances (``ratios``).
+    """
+    for attempt in range(ATTEMPTS):
+        found = _conceal(World(replace(case, programme_seed=case.programme_seed + 7919 * attempt)))
+        if all(strength >= LEAST for strength in found.beyond.values()):
+            break
+    return _recorded(found)
+
+
+def _conceal(world: World) -> _Found:
+    found = _Found(world, world.base, world.true, {}, {}, {}, {})
+    for one in world.case.effects:
+        size, beyond, raw, channel = world.find_size(one)
+        found.numbers = with_effect(found.numbers, one, size)
+        found.sizes[one.key] = one.sign * size
+        found.beyond[one.key], found.ratios[one.key] = beyond, raw
+        found.channels[one.key] = channel
+    if world.case.effects:
+        found.sailed = world.sail(found.numbers, waves=True)
+    return found
+
+
+def _recorded(found: _Found) -> Reality:
+    world, case, sailed = found.world, found.world.case, found.sailed
+    wavy = case.wave_height > 0.0
+    notes = {
+        "channels": found.channels,
+        "beyond_tolerances": found.beyond,
+        "windows": {c.key: _window(case, found.numbers, c) for c in case.effects},
+        "equivalents": {c.key: equivalent(c.effect, found.numbers, sailed) for c in case.effects},
+        "residual_rms": world.residual_rms,
+    }
+    kept = [c for c in sailed if c not in OPTIONAL or c in case.columns]
+    recording = world.noisy(sailed)[kept].round({c: _DIGITS[c] for c in kept})
+    return Reality(
+        recording,
+        truth_of(case, found.sizes, found.ratios, notes),
+        without=world.calm_run,
+        concealed=world.sail(found.numbers, waves=False) if wavy else sailed,
+    )
+
+
+def _window(case: Case, numbers: Numbers, concealed: Concealed) -> list[float] | None:
+    window = concealed.effect.window
+    return [numbers[name] * case.seconds for name in window] if window else None

@@ -1,0 +1,1 @@
+"""What others would do, to be compared with: stepwise BIC and sparse identification."""

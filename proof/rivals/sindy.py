@@ -1,0 +1,46 @@
+"""Sparse identification (PySINDy's sequentially thresholded least squares), to be compared with.
+
+It picks terms for the same equation errors as :mod:`~.plain`, all scaled to unit rms. PySINDy is not
+among the dependencies; without it :func:`diagnose` raises ImportError.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .stepwise_bic import MOST_EFFECTS, Chosen, Floats, Terms, report_by
+
+THRESHOLD = 0.1  # PySINDy's own default: a tenth of the error's rms
+
+
+def _sparse(error: Floats, terms: Terms) -> list[Chosen]:
+    """Terms that survive the threshold, the largest first, scored by the share that they explain."""
+    optimizer = importlib.import_module("pysindy").STLSQ(threshold=THRESHOLD)
+    names = list(terms)
+    matrix = np.column_stack([terms[name] for name in names])
+    scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-12
+    size = math.sqrt(float(np.mean(error**2))) + 1e-12
+    optimizer.fit(matrix / scale, (error / size)[:, None])
+    weights = np.asarray(optimizer.coef_)[0]
+    explained = 1.0 - float(np.mean((error / size - matrix / scale @ weights) ** 2))
+    shares = explained * np.abs(weights) / (np.abs(weights).sum() + 1e-12)
+    order = np.argsort(-np.abs(weights))[:MOST_EFFECTS]
+    return [
+        (float(shares[k]), names[k], float(weights[k] * size / scale[k]), 0.0)
+        for k in order
+        if weights[k] != 0.0
+    ]
+
+
+def diagnose(recording: Path, ship: str, out: Path, exclude: tuple[str, ...]) -> dict[str, Any]:
+    """A report in the form of ``report.json``; arguments as for :func:`.plain.diagnose`.
+
+    Raises:
+        ImportError: PySINDy is not installed.
+    """
+    return report_by(_sparse, recording, ship, exclude)

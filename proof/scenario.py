@@ -1,0 +1,179 @@
+"""A case's ship, demands and sea; and how large an effect must be to have its strength in them."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from .cases import TOLERANCES, Case, Concealed
+from .reality.bench import bench_numbers, run_bench, voltage_programme
+from .reality.crew_demands import voyage
+from .reality.effects import BENCH
+from .reality.instruments import read
+from .reality.numbers import Numbers, frigate_numbers
+from .reality.sail import StalledError, sail
+from .reality.water import calm, head_sea
+
+CHANNELS = (
+    "pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "motor_current_A",
+)  # fmt: skip
+CLOSE = 0.08  # relative; how near a strength must come to the one drawn
+TRIALS = 9
+WIND = 0.003  # share of the resistance; slow wandering that goes with waves
+THINNED = 10  # every so many samples enter the imitation by wrong numbers
+
+
+def with_effect(numbers: Numbers, concealed: Concealed, size: float) -> Numbers:
+    """The numbers with one effect of a given size."""
+    return numbers | concealed.shape | {concealed.effect.size: concealed.sign * size}
+
+
+def _rms(values: Any) -> float:
+    return math.sqrt(float(np.mean(np.square(values))))
+
+
+class World:
+    """A case's ship, demands and sea, ready to sail with any set of effects."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        rng = np.random.default_rng(case.programme_seed)
+        bench = case.ship == BENCH
+        if bench:
+            self.drive = voltage_programme(case.programme, case.seconds, case.period, rng)
+            self.nominal = bench_numbers()
+            self.true = bench_numbers(**case.factors)
+        else:
+            self.drive, self.pitch = voyage(case.programme, case.seconds, case.period, rng)
+            self.nominal = frigate_numbers()
+            self.true = frigate_numbers(**case.factors)
+        self.true |= case.instruments
+        self.waves = calm()
+        if case.wave_height > 0.0:
+            depth = self.nominal["depth"]
+            self.waves = head_sea(case.wave_height, case.wave_period, depth, case.programme_seed)
+            self.true["wind"] = WIND
+
+    def sail(self, numbers: Numbers, waves: bool) -> pd.DataFrame:
+        """Readings without noise."""
+        case = self.case
+        if case.ship == BENCH:
+            truth = run_bench(numbers, self.drive, case.period)
+        else:
+            sea = self.waves if waves else calm()
+            own = numbers if waves else numbers | {"wind": 0.0}
+            truth = sail(own, self.drive, self.pitch, case.period, waves=sea,
+                         wind_seed=case.programme_seed)  # fmt: skip
+        return read(truth, numbers, case.period, None)
+
+    def noisy(self, readings: pd.DataFrame) -> pd.DataFrame:
+        """Readings with the case's noise on top (their systematic errors are in already)."""
+        plain = self.nominal | self.case.instruments
+        return read(readings, plain, self.case.period, self.case.noise_seed)
+
+    @cached_property
+    def file_run(self) -> pd.DataFrame:
+        """The ship as its file says, in calm water, without noise."""
+        return self.sail(self.nominal, waves=False)
+
+    @cached_property
+    def base(self) -> pd.DataFrame:
+        """The true ship without effects in the case's sea, without noise."""
+        return self.sail(self.true, waves=True) if len(self.waves) else self.calm_run
+
+    @cached_property
+    def calm_run(self) -> pd.DataFrame:
+        """The true ship without effects in calm water, without noise."""
+        wrong = any(factor != 1.0 for factor in self.case.factors.values())
+        return self.sail(self.true, waves=False) if wrong else self.file_run
+
+    def compared(self, numbers: Numbers) -> pd.DataFrame:
+        """Readings to be compared between ships: calm, or waves met on a given track.
+
+        Elsewhere ships of unlike speed meet other waves, which hides what the effect does.
+        """
+        if not any(one.effect.waves for one in self.case.effects):
+            return self.sail(numbers, waves=False)
+        track = {"track_speed": float(self.file_run["ship_speed_m_s"].mean())}
+        return self.sail(numbers | track, waves=True)
+
+    @cached_property
+    def _reference(self) -> pd.DataFrame:
+        airy = any(one.effect.waves for one in self.case.effects)
+        return self.compared(self.true) if airy else self.calm_run
+
+    @cached_property
+    def residual_rms(self) -> dict[str, float]:
+        """What the file's ship leaves of a noisy recording without effects, rms by channel."""
+        null = self.noisy(self.base)
+        return {c: _rms(null[c] - self.file_run[c]) for c in CHANNELS if c in null}
+
+    def _stacked(self, table: pd.DataFrame, reference: pd.DataFrame) -> NDArray[np.float64]:
+        return np.array([
+            (table[c] - reference[c]).to_numpy()[::THINNED] / rms
+            for c, rms in self.residual_rms.items()
+        ])  # fmt: skip
+
+    @cached_property
+    def imitations(self) -> NDArray[np.float64]:
+        """Changes by each number at its tolerance, shape (samples of all channels, numbers)."""
+        ship = bench_numbers if self.case.ship == BENCH else frigate_numbers
+        columns = []
+        for name, tolerance in TOLERANCES[self.case.ship].items():
+            off = self.sail(ship(**{name: 1.0 + tolerance}), waves=False)
+            columns.append(self._stacked(off, self.file_run).ravel())
+        return np.column_stack(columns)
+
+    def strength(self, sailed: pd.DataFrame) -> tuple[float, float, str]:
+        """Strength of an effect by its :meth:`compared` readings, in the most affected channel.
+
+        Returns:
+            The rms of what no wrong number within its tolerance can imitate of the change, over the
+            rms of the residual without the change; the same before any imitation; the channel.
+        """
+        change = self._stacked(sailed, self._reference)
+        raw = np.sqrt(np.mean(change**2, axis=1))
+        tolerances = TOLERANCES[self.case.ship]
+        taken = np.array([(self.case.factors[n] - 1.0) / t for n, t in tolerances.items()])
+        fit = lsq_linear(self.imitations, change.ravel(), bounds=(-1.001 - taken, 1.001 - taken))
+        rest = change - (self.imitations @ fit.x).reshape(change.shape)
+        beyond = np.minimum(np.sqrt(np.mean(rest**2, axis=1)), raw.max())
+        return float(beyond.max()), float(raw.max()), list(self.residual_rms)[int(beyond.argmax())]
+
+    def find_size(self, concealed: Concealed) -> tuple[float, float, float, str]:
+        """Size at which an effect has its strength: secant steps on the logarithms.
+
+        Returns:
+            Size, and the two strengths and the channel as of :meth:`strength`.
+        """
+        effect, size = concealed.effect, concealed.effect.first
+        low, high = 0.0, effect.most  # too weak, too strong
+        before: tuple[float, float] | None = None
+        for trial in range(TRIALS):
+            try:
+                sailed = self.compared(with_effect(self.true, concealed, size))
+            except StalledError:
+                high, size = size, max(0.5 * size, math.sqrt(low * size))
+                continue
+            ratio, raw, channel = self.strength(sailed)
+            enough = abs(ratio / concealed.ratio - 1.0) < CLOSE
+            if enough or trial == TRIALS - 1 or (size >= effect.most and ratio < concealed.ratio):
+                break
+            low, high = (size, high) if ratio < concealed.ratio else (low, size)
+            slope = 1.0
+            if before is not None and min(ratio, before[1]) > 0.0 and size != before[0]:
+                slope = math.log(ratio / before[1]) / math.log(size / before[0])
+                slope = min(max(slope, 0.4), 4.0)
+            before = size, ratio
+            step = (concealed.ratio / ratio) ** (1.0 / slope) if ratio > 0.0 else 4.0
+            size *= min(max(step, 0.02), 20.0)
+            if not low < size < high:  # halve what is left, or take its end
+                size = max(0.5 * high, math.sqrt(low * high)) if high < effect.most else high
+            size = max(size, 0.01 * effect.first)
+        return size, ratio, raw, channel

@@ -1,0 +1,1 @@
+"""The paper on the CPP optimiser: its experiment on a ferry."""

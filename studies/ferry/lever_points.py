@@ -1,0 +1,241 @@
+"""Steady states of the CPP optimiser paper's experiment: five levers, a disturbance, two controls.
+
+The paper's section 5. A ship sails at five lever positions; then it meets more resistance, or floats
+deeper; the combinator keeps pitch and shaft speed, the optimiser chooses them anew. Both are compared
+at the same ship speed, which the paper calls thrust correction.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import brentq
+
+from ...baselines.combinator import Curve, combinator_curve, curve_through
+from ...baselines.combinator_surface import CombinatorSurface, combinator_surface, look_up
+from ...baselines.open_water_fit import OpenWaterFit, fit_open_water
+from ...baselines.steady_points import SteadyPoint, speed_range, steady_point
+from ...baselines.working_point import working
+from ...plant import Ship
+from ...plant.hull import resistance, wake_inflow
+from ..side_by_side import published
+
+PAPERS = "cpp_ferry_tables"
+"""The paper's Tables 1 to 3, in ``studies/data``."""
+
+TOP_SPEED_M_S = 13.0 * 1852.0 / 3600.0
+"""The paper's ferry: 13 kn."""
+
+WHOLE_ENVELOPE = 1.0
+"""Share of the torque limit that the paper's constraint N <= N_max(n) allows."""
+
+COMBINATOR, HELD, CORRECTED = "combinator", "optimal", "optimal-thrust-corrected"
+"""The paper's Tables 1 to 3: combinator; optimiser that holds its thrust; optimiser at equal speed."""
+
+_AT_LIMIT = 5e-3  # as a share; nearer to it, a constraint counts as active
+
+
+class Condition(NamedTuple):
+    """What the ship meets, as factors on calm water at the design displacement."""
+
+    resistance: float  # d_c1 [-]
+    displacement: float  # [-]
+
+
+CONDITIONS = {
+    "calm": Condition(1.0, 1.0),
+    "resistance +15 %": Condition(1.15, 1.0),
+    "displacement +40 %": Condition(1.0, 1.4),
+    "both": Condition(1.15, 1.4),
+}
+"""The paper's two disturbances at their largest, alone and together."""
+
+
+def lever_speeds(ship: Ship) -> list[float]:
+    """Ship speeds [m/s] of the five levers: the paper's on the ferry, the same shares on others."""
+    printed = published(PAPERS).loc[COMBINATOR, "ship_speed_m_s_before"].to_numpy()
+    if ship.name == "ferry":
+        return [float(v) for v in printed]
+    top = combinator_curve(ship).ship_speed[-1]
+    return [float(v) for v in printed / TOP_SPEED_M_S * top]
+
+
+def loaded(ship: Ship, displacement: float) -> Ship:
+    """The ship at a multiple of its displacement.
+
+    The mass grows in proportion, the resistance at equal speed by the power 2/3 (Admiralty formula).
+    Wake, thrust deduction and the propeller's depth are left as they are.
+    """
+    hull = ship.hull
+    return ship.with_values(
+        {
+            "hull.mass_kg": displacement * hull.mass_kg,
+            "hull.resistance_coefficient_N_s2_m2": displacement ** (2.0 / 3.0)
+            * hull.resistance_coefficient_N_s2_m2,
+        }
+    )
+
+
+def governed(ship: Ship, shaft_speed: float, pitch_ratio: float, factor: float) -> SteadyPoint:
+    """Where a governor settles: at the set speed [rad/s], or slower at the engine's torque limit."""
+    point = steady_point(ship, shaft_speed, pitch_ratio, factor)
+    if point.torque_share <= 1.0:
+        return point
+
+    def excess(speed: float) -> float:
+        return steady_point(ship, speed, pitch_ratio, factor).torque_share - 1.0
+
+    slower = float(brentq(excess, speed_range(ship)[0], shaft_speed, xtol=1e-10))
+    return steady_point(ship, slower, pitch_ratio, factor)
+
+
+def at_speed(ship: Ship, pitch_ratio: float, ship_speed: float, factor: float) -> SteadyPoint:
+    """The steady state at a pitch [-] whose shaft speed gives a ship speed [m/s]."""
+    top = speed_range(ship)[1]
+
+    def missing(shaft_speed: float) -> float:
+        return steady_point(ship, shaft_speed, pitch_ratio, factor).ship_speed - ship_speed
+
+    found = float(brentq(missing, 0.2 * top, 1.5 * top, xtol=1e-12))
+    return steady_point(ship, found, pitch_ratio, factor)
+
+
+def optimal(
+    ship: Ship, surface: CombinatorSurface, ship_speed: float, factor: float
+) -> SteadyPoint | None:
+    """Where the optimiser settles once its thrust controller has reached a ship speed [m/s].
+
+    Args:
+        ship: as it floats.
+        surface: combinator surface of the ship as designed: the optimiser knows of no disturbance.
+        ship_speed: [m/s].
+        factor: resistance factor d_c1 [-].
+
+    Returns:
+        None where the surface holds no setting for the thrust that this speed takes.
+    """
+    plant = ship.record()
+    push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
+    thrust = resistance(plant, ship_speed, factor) / push
+    setting = look_up(surface, np.array([thrust]), np.array([wake_inflow(plant, ship_speed)]))
+    if setting.thrust[0] < thrust or setting.reach[0] < 1.0:
+        return None
+    return at_speed(ship, float(setting.pitch_ratio[0]), ship_speed, factor)
+
+
+def curves(ship: Ship, surface: CombinatorSurface) -> dict[str, Curve]:
+    """The combinators that the optimiser meets.
+
+    ``standard`` is the package's own; ``design`` runs through the optimum of each lever in calm water,
+    so that both controls start alike, as the paper's do; ``printed`` (ferry) has the paper's engine
+    speeds, and the pitches at which our ferry then sails the paper's ship speeds.
+    """
+    speeds = lever_speeds(ship)
+    numbers = list(range(1, len(speeds) + 1))
+    best = [optimal(ship, surface, v, 1.0) for v in speeds]
+    found = {"standard": combinator_curve(ship)}
+    found["design"] = curve_through(
+        ship, numbers, [p.pitch_ratio for p in best if p], [p.shaft_speed for p in best if p]
+    )
+    if ship.name == "ferry":
+        engine = published(PAPERS).loc[COMBINATOR, "engine_speed_rpm_before"]
+        shaft = engine.to_numpy() * math.pi / 30.0 / ship.transmission.gear_ratio
+        pitches = [pitch_for(ship, float(n), v, 1.0) for n, v in zip(shaft, speeds, strict=True)]
+        found["printed"] = curve_through(ship, numbers, pitches, shaft)
+    return found
+
+
+def pitch_for(ship: Ship, shaft_speed: float, ship_speed: float, factor: float) -> float:
+    """P/D [-] at which the ship sails a speed [m/s] with a shaft speed [rad/s]."""
+    screw = ship.propeller
+
+    def missing(pitch: float) -> float:
+        return steady_point(ship, shaft_speed, pitch, factor).ship_speed - ship_speed
+
+    return float(brentq(missing, screw.pitch_ratio_min, screw.pitch_ratio_max, xtol=1e-9))
+
+
+def blade_angle(pitch_ratio: float) -> float:
+    """Pitch angle [deg] of the blade section at 0.7 R for a P/D [-]."""
+    return math.degrees(math.atan(pitch_ratio / (0.7 * math.pi)))
+
+
+def described(
+    ship: Ship, fit: OpenWaterFit, point: SteadyPoint, allowed: float
+) -> dict[str, float | str]:
+    """A steady state in the paper's units, fuel per mile, and the constraints that are active.
+
+    Args:
+        ship: a ship with a diesel.
+        fit: of its propeller.
+        point: the steady state.
+        allowed: share of the torque limit that the control may use [-].
+    """
+    plant = ship.record()
+    engine = float(plant["gear_ratio"]) * point.shaft_speed  # rad/s
+    power = float(plant["propellers"]) * point.brake_torque * engine  # W
+    slope = working(
+        plant, fit.thrust, fit.torque, point.advance_velocity, point.shaft_speed, point.pitch_ratio
+    ).efficiency_slope
+    active = {
+        "torque": point.torque_share > allowed - _AT_LIMIT,
+        "engine speed": engine > (1.0 - _AT_LIMIT) * float(plant["engine_speed_max"]),
+        "pitch": point.pitch_ratio > float(plant["pitch_ratio_max"]) - _AT_LIMIT,
+        "gradient": slope < _AT_LIMIT,
+        "cavitation": point.burrill > 1.0 - _AT_LIMIT,
+    }
+    return {
+        "engine_speed_rpm": engine * 30.0 / math.pi,
+        "pitch_ratio": point.pitch_ratio,
+        "pitch_deg": blade_angle(point.pitch_ratio),
+        "ship_speed_m_s": point.ship_speed,
+        "brake_power_kW": 1e-3 * power,
+        "sfoc_g_kwh": 3.6e9 * point.fuel_flow / power,
+        "fuel_kg_nmi": 1852.0 * point.fuel_flow / point.ship_speed,
+        "torque_share": point.torque_share,
+        "burrill": point.burrill,
+        "active": ", ".join(name for name, is_active in active.items() if is_active),
+    }
+
+
+def compared(ship: Ship, allowed: float = WHOLE_ENVELOPE) -> pd.DataFrame:
+    """The experiment on one ship.
+
+    Args:
+        ship: a ship with a diesel and a propeller of controllable pitch.
+        allowed: share of the torque limit that the optimiser may use [-]; the combinator's governor
+            always has all of it.
+
+    Returns:
+        One row per curve, condition, lever and control, with the columns of :func:`described` and
+        ``saving_percent``: fuel per mile against the combinator's at the same speed. A control that
+        cannot reach the speed has no row.
+    """
+    surface, fit = combinator_surface(ship, allowed), fit_open_water(ship)
+    rows = []
+    for name, curve in curves(ship, surface).items():
+        for condition, (factor, displacement) in CONDITIONS.items():
+            afloat = loaded(ship, displacement)
+            more = factor * displacement ** (2.0 / 3.0)
+            for lever, speed in enumerate(lever_speeds(ship), 1):
+                shaft = float(np.interp(speed, curve.ship_speed, curve.shaft_speed))
+                pitch = float(np.interp(speed, curve.ship_speed, curve.pitch_ratio))
+                plain = governed(afloat, shaft, pitch, factor)
+                points = {
+                    COMBINATOR: plain,
+                    HELD: optimal(afloat, surface, speed / math.sqrt(more), factor),
+                    CORRECTED: optimal(afloat, surface, plain.ship_speed, factor),
+                }
+                for control, point in points.items():
+                    if point is None:
+                        continue
+                    row = {"ship": ship.name, "curve": name, "condition": condition,
+                           "lever": lever, "control": control}  # fmt: skip
+                    row |= described(afloat, fit, point, allowed)
+                    fuel = 1.0 - point.fuel_flow / plain.fuel_flow
+                    row["saving_percent"] = 100.0 * fuel if control == CORRECTED else math.nan
+                    rows.append(row)
+    return pd.DataFrame(rows)

@@ -1,0 +1,86 @@
+"""One lever of the CPP optimiser paper's experiment in closed loop, through a step of the resistance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...baselines.combinator import Combinator
+from ...baselines.combinator_surface import combinator_surface
+from ...baselines.cpp_optimiser import CppOptimiser
+from ...envs.frigate import FrigateEnv
+from ...envs.tasks import get_task
+from ...plant import Ship
+from ...plant.fuel import specific_consumption
+from .lever_points import COMBINATOR, CORRECTED, HELD, curves, lever_speeds
+
+RISE = 1.15  # resistance factor of the paper's tables
+LEVER, SECONDS, STEP_AT = 3, 600.0, 300.0
+MEANS_OVER = 100.0  # last seconds
+
+
+def voyage(ship: Ship, controller: Any, speed: float, corrected: float) -> pd.DataFrame:
+    """A ship in closed loop in calm water with perfect instruments; resistance steps up on the way.
+
+    Args:
+        ship: a ship with a diesel.
+        controller: with ``predict``.
+        speed: ordered ship speed [m/s].
+        corrected: order [m/s] from the step on.
+
+    Returns:
+        One row per 0.5 s: time [s], ship speed [m/s], engine speed [rpm], P/D, SFOC [g/kWh], fuel
+        flow [kg/s].
+    """
+    orders = {"speed_order_m_s": (speed, speed), "order_interval_s": 2.0 * SECONDS}
+    still = {"resistance_rise": (0.0, 0.0), "resistance_swing": 0.0, "seas": ("calm",)}
+    task = get_task("transit").model_dump() | orders | still
+    env = FrigateEnv(ship=ship, task=task, observer="oracle", sensor_noise=0.0, episode_s=SECONDS)
+    plant = ship.record()
+    observation, _ = env.reset(seed=0)
+    remembered, rows = None, []
+    for k in range(env.intervals):
+        time = 0.5 * k
+        if time == STEP_AT:
+            env.fleet.episodes["resistance_mean"] = RISE
+            env.fleet.episodes["orders"] = corrected
+        action, remembered = controller.predict(observation, remembered, np.array([k == 0]))
+        observation, _, _, _, info = env.step(action)
+        engine = float(plant["gear_ratio"]) * info["shaft_speed"]
+        sfoc = specific_consumption(plant, engine, info["brake_torque"])
+        rows.append((time + 0.5, info["ship_speed"], engine * 30.0 / math.pi, float(observation[3]),
+                     sfoc, info["fuel_flow"]))  # fmt: skip
+    names = [
+        "time_s",
+        "ship_speed_m_s",
+        "engine_speed_rpm",
+        "pitch_ratio",
+        "sfoc_g_kwh",
+        "fuel_kg_s",
+    ]
+    return pd.DataFrame(rows, columns=names)
+
+
+def voyages(ship: Ship, tick: Callable[[], None] = lambda: None) -> dict[str, pd.DataFrame]:
+    """The three controls of the paper at the middle lever, starting alike from the design curve."""
+    curve = curves(ship, combinator_surface(ship))["design"]
+    speed = lever_speeds(ship)[LEVER - 1]
+    found = {COMBINATOR: voyage(ship, Combinator(ship, curve=curve), speed, speed)}
+    tick()
+    reached = float(found[COMBINATOR]["ship_speed_m_s"].iloc[-1])
+    for control, order in ((HELD, speed), (CORRECTED, reached * math.sqrt(RISE))):
+        found[control] = voyage(ship, CppOptimiser(ship), speed, order)
+        tick()
+    return found
+
+
+def settled(found: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Means over the last :data:`MEANS_OVER` seconds of each voyage, with fuel per nautical mile."""
+    means = {name: log[log["time_s"] > SECONDS - MEANS_OVER].mean() for name, log in found.items()}
+    frame = pd.DataFrame(means).T.drop(columns="time_s")
+    frame["fuel_kg_nmi"] = 1852.0 * frame.pop("fuel_kg_s") / frame["ship_speed_m_s"]
+    return frame.rename_axis("control").reset_index()

@@ -1,0 +1,1 @@
+"""The paper on anti-spin: storms with and without."""

@@ -1,0 +1,197 @@
+"""Anti-spin on against off in storms, beside Table 1 of the anti-spin paper (Pivano et al. 2008).
+
+Storms are sea state 6 in which the frigate's propellers ventilate by one of three rules, with the ship
+free to slow down or held at its speed as the paper's carriage is. Intervals are percentile bootstrap
+intervals of 95 % over the seeds, changes being paired by seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...baselines.anti_spin import AntiSpin
+from ...plant import Ship
+from ..side_by_side import published
+from .experiment import (
+    INTERVAL_STEPS,
+    RESISTANCE_FACTOR,
+    Storm,
+    event_counts,
+    key_numbers,
+    sail,
+    sample_scores,
+    storm_frigate,
+    truth_and_detection,
+)
+
+SEEDS = range(100, 120)
+"""None of these seas was sailed while tuning."""
+
+LOADING = {"ventilation.loading_gain": 5.0, "ventilation.onset_submergence": 0.3,
+           "ventilation.recovery_submergence": 0.6}  # fmt: skip
+"""Onset that loading brings nearer to the propeller."""
+
+DRY = {"ventilation.thrust_loss": 0.0, "ventilation.torque_loss": 0.0}
+HELD = {"hull.mass_kg": 1e9}
+"""A hull too heavy to slow down: the paper's towing carriage."""
+
+HELD_SPEED_M_S = 6.4
+"""About what the free ship keeps without anti-spin."""
+
+CASES: dict[str, dict[str, float]] = {
+    "fixed onset": {},
+    "high waves only": {"ventilation.onset_submergence": 0.6,
+                        "ventilation.recovery_submergence": 1.0},
+    "onset by loading": LOADING,
+    "fixed onset, speed held": HELD,
+    "onset by loading, speed held": LOADING | HELD,
+}  # fmt: skip
+"""Changes to :func:`~.storms.storm_frigate`; the second is the rule of the environment's storm task."""
+
+ON, AWARE, OFF = "anti-spin", "anti-spin, sea margin 3", "without"
+OPTIONS: dict[str, dict[str, Any]] = {ON: {}, AWARE: {"sea_margin": 3.0}, OFF: {"anti_spin": False}}
+VENTILATED_SPEEDS = (0.6, 0.7, 0.8)
+"""Other values of omega_v,opt over the calm-water speed; the paper's 45 rad/s is 0.6 of its highest."""
+
+PLAIN_SEAS, ORDERS_M_S = ("state-5", "state-6"), (6.0, 8.0, 10.0)
+THRUST, POWER, EFFICIENCY = "mean thrust [kN]", "mean power [kW]", "energy efficiency (27) [-]"
+TICKS = len(CASES) * (len(OPTIONS) + len(VENTILATED_SPEEDS)) + 3 * len(PLAIN_SEAS) * len(ORDERS_M_S)
+
+Rows = list[tuple[str, str, str, float, float, float]]
+
+
+class Results(NamedTuple):
+    """What the study found: every number, and one storm's traces to draw."""
+
+    numbers: pd.DataFrame  # case, controller, quantity, value, low, high
+    traces: dict[str, Storm]  # by controller
+
+
+class Bootstrap:
+    """Percentile bootstrap over seeds; every statistic sees the same resampled seeds."""
+
+    def __init__(self, seeds: int, draws: int = 4000) -> None:
+        self.pick = np.random.default_rng(0).integers(0, seeds, (draws, seeds))
+
+    def ratio(self, above: Any, below: Any) -> tuple[float, float, float]:
+        """Sum of one value a seed over the sum of another, with its 95 % interval."""
+        above, below = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
+        drawn = above[self.pick].sum(axis=1) / np.maximum(below[self.pick].sum(axis=1), 1e-9)
+        low, high = np.percentile(drawn, [2.5, 97.5])
+        return float(above.sum() / max(below.sum(), 1e-9)), float(low), float(high)
+
+    def mean(self, values: NDArray[np.float64]) -> tuple[float, float, float]:
+        """Mean over the seeds, with its 95 % interval."""
+        return self.ratio(values, np.ones_like(values))
+
+
+def stormy(case: str, seeds: range, options: dict[str, Any]) -> Storm:
+    """One of :data:`CASES` under :class:`~.AntiSpin` with some options, a ship a seed."""
+    ship = storm_frigate(**CASES[case])
+    start = HELD_SPEED_M_S if "hull.mass_kg" in CASES[case] else None
+    return sail(ship, AntiSpin(ship, **options), start_m_s=start, sea="state-6", seeds=seeds,
+                resistance_factor=RESISTANCE_FACTOR)  # fmt: skip
+
+
+def _effects(case: str, runs: dict[str, Storm], over_seeds: Bootstrap) -> Rows:
+    """Key numbers of every controller and their changes against anti-spin off."""
+    off = key_numbers(runs[OFF])
+    rows: Rows = []
+    for name, storm in runs.items():
+        for quantity, values in key_numbers(storm).items():
+            rows.append((case, name, quantity, *over_seeds.mean(values)))
+            ratio = over_seeds.ratio(values, off[quantity])
+            rows.append((case, f"{name} / {OFF}", quantity, *ratio))
+    return rows
+
+
+def _detections(case: str, runs: dict[str, Storm], over_seeds: Bootstrap) -> Rows:
+    """Events and samples called against the truth, and the error of the estimated torque."""
+    rows: Rows = []
+    for name, storm in runs.items():
+        truth, called = truth_and_detection(storm)
+        right, calls, found, events = event_counts(truth, called).T
+        torque = storm.propeller_torque
+        error = storm.torque_estimate[:, 1:] - torque[:, :-1]
+        precision, recall = sample_scores(truth, called, late=2)
+        rows += [
+            (case, name, "ventilated [-]", *over_seeds.mean(truth.mean(axis=1))),
+            (case, name, "events: precision", *over_seeds.ratio(right, calls)),
+            (case, name, "events: recall", *over_seeds.ratio(found, events)),
+            (case, name, "samples 1 s late: precision", precision, np.nan, np.nan),
+            (case, name, "samples 1 s late: recall", recall, np.nan, np.nan),
+            (
+                case,
+                name,
+                "rms error of Q_p / mean Q_p",
+                error.std() / torque.mean(),
+                np.nan,
+                np.nan,
+            ),
+        ]
+    return rows
+
+
+def _alarms(ship: Ship, sea: str, order: float, seeds: range, over_seeds: Bootstrap,
+            tick: Callable[[], None]) -> Rows:  # fmt: skip
+    """False alarms where no propeller ventilates, and the ship speed that they cost."""
+    runs = {}
+    for name, options in OPTIONS.items():
+        runs[name] = sail(ship, AntiSpin(ship, **options), order_m_s=order, sea=sea, seeds=seeds)
+        tick()
+    case = f"{sea}, {order:g} m/s, no ventilation"
+    hours = runs[ON].detected.shape[1] * INTERVAL_STEPS * ship.time_step_s / 3600.0
+    rows: Rows = []
+    for name, storm in runs.items():
+        alarms = event_counts(storm.ventilation > 0.5, storm.detected)[:, 1]
+        rows.append((case, name, "false alarms [1/h]", *over_seeds.mean(alarms / hours)))
+        speed, plain = (s.ship_speed.mean(axis=1) for s in (storm, runs[OFF]))
+        rows.append((case, f"{name} / {OFF}", "ship speed [m/s]", *over_seeds.ratio(speed, plain)))
+    return rows
+
+
+def measured(tick: Callable[[], None] = lambda: None, seeds: range = SEEDS) -> Results:
+    """Sail all storms and plain seas.
+
+    Args:
+        tick: called after each fleet's voyage, :data:`TICKS` times.
+        seeds: of the seas.
+    """
+    over_seeds = Bootstrap(len(seeds))
+    rows: Rows = []
+    traces: dict[str, Storm] = {}
+    for case in CASES:
+        runs = {}
+        for name, options in OPTIONS.items():
+            runs[name] = stormy(case, seeds, options)
+            tick()
+        traces = traces or {name: runs[name] for name in (ON, OFF)}
+        rows += _effects(case, runs, over_seeds) + _detections(case, runs, over_seeds)
+        off = key_numbers(runs[OFF])[EFFICIENCY]
+        for share in VENTILATED_SPEEDS:
+            slower = key_numbers(stormy(case, seeds, {"ventilated_speed": share}))[EFFICIENCY]
+            name = f"anti-spin at {share:g} / {OFF}"
+            rows.append((case, name, EFFICIENCY, *over_seeds.ratio(slower, off)))
+            tick()
+    dry = storm_frigate(**DRY)
+    for sea in PLAIN_SEAS:
+        for order in ORDERS_M_S:
+            rows += _alarms(dry, sea, order, seeds, over_seeds, tick)
+    columns = ["case", "controller", "quantity", "value", "low", "high"]
+    return Results(pd.DataFrame(rows, columns=columns), traces)
+
+
+def beside_table_1(numbers: pd.DataFrame) -> pd.DataFrame:
+    """Thrust, power and energy efficiency with anti-spin over without, the paper's row first."""
+    tank = published("anti_spin_towing_tank")
+    printed = tank.loc["anti-spin"] / tank.loc["no-anti-spin"]
+    rows: list[tuple[str, Any, Any, Any]] = [("paper, Table 1", *printed)]
+    ratios = numbers[numbers["controller"] == f"{ON} / {OFF}"].set_index(["case", "quantity"])
+    for case in CASES:
+        rows.append((case, *(ratios.loc[(case, q), "value"] for q in (THRUST, POWER, EFFICIENCY))))
+    return pd.DataFrame(rows, columns=["storm", "thrust", "power", "energy efficiency"])

@@ -1,0 +1,1 @@
+"""The thesis on advance-velocity observers: its tables and figures, ours beside."""

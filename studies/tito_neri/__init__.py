@@ -1,0 +1,1 @@
+"""The model tug Tito Neri: a measured drive train."""
