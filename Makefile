@@ -34,9 +34,9 @@ results: $(INSTALLED)
 	$(BIN)/python -m shaftline.studies.policies --cards --out docs/results/policies --seeds 60
 	$(BIN)/python -m shaftline.studies.policies.frontier --out docs/results/policies --seeds 60
 	$(BIN)/python -m shaftline.studies.policies.observer_features --out docs/results/observer-features
-	$(BIN)/python -m shaftline.studies.reward_terms --out docs/results/figures/reward-terms.png
+	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
-	$(BIN)/python -m shaftline.studies.tito_neri_effects --out docs/results
+	$(BIN)/python -m shaftline.studies.tito_neri.effects --out docs/results
 	@# recordings are their owners' and stay outside; SHAFTLINE_DATA is the folder that holds them
 	if [ -d "$(SHAFTLINE_DATA)/recordings/rov_thruster" ]; then \
 	    $(BIN)/python -m shaftline.studies.rov_thruster --out docs/results \

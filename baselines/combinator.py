@@ -170,7 +170,7 @@ class Combinator:
         episode_start: Any = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Actions; see :class:`shaftline.baselines.interface.Controller`."""
+        """Actions; see :class:`shaftline.baselines.controller.Controller`."""
         seen = readings(observation)
         pitch, speed = self.set_points(seen.speed_order)
         settled = self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)

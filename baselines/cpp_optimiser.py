@@ -116,7 +116,7 @@ class CppOptimiser:
         episode_start: Any = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Actions; see :class:`shaftline.baselines.interface.Controller`."""
+        """Actions; see :class:`shaftline.baselines.controller.Controller`."""
         seen = readings(observation)
         valid = (seen.estimate_valid > 0.5) & np.isfinite(seen.advance_velocity)
         estimate = self.thrust(seen)

@@ -169,7 +169,7 @@ class SpeedPilot:
         episode_start: Any = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Actions; see :class:`shaftline.baselines.interface.Controller`."""
+        """Actions; see :class:`shaftline.baselines.controller.Controller`."""
         seen = readings(observation)
         error = seen.speed_order - seen.ship_speed
         now = np.column_stack([error, seen.shaft_speed, seen.shaft_torque])

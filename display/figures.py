@@ -70,7 +70,7 @@ def trade_off(comparison: pd.DataFrame, vaf: pd.DataFrame) -> Figure:
     """Average VAF against the SNR that an observer needs (thesis Figure 4-2), with its range.
 
     Args:
-        comparison: from :func:`shaftline.studies.snr.compared`.
+        comparison: from :func:`shaftline.studies.thesis.snr.compared`.
         vaf: VAF table, rows by observer, columns by load case.
     """
     figure, axes = new_figure(1, 1, (8.5, 5.2))
@@ -229,8 +229,8 @@ def drive_train(points: pd.DataFrame, response: pd.DataFrame, models: Sequence[s
     """Tito Neri: measured and simulated operating points and frequency response.
 
     Args:
-        points: from :func:`shaftline.studies.tito_neri.operating_points`.
-        response: from :func:`shaftline.studies.tito_neri.frequency_response`.
+        points: from :func:`shaftline.studies.tito_neri.steady_states.operating_points`.
+        response: from :func:`shaftline.studies.tito_neri.steady_states.frequency_response`.
         models: names of the parameter sets.
     """
     figure, axes = new_figure(2, 2, (10.0, 7.0))
@@ -267,7 +267,7 @@ def controllers(traces: dict[str, pd.DataFrame], ship: Ship) -> Figure:
     """One episode of each controller: speed and torque in time, engine envelope, pitch and speed.
 
     Args:
-        traces: by controller, columns of :data:`shaftline.agents.evaluation.TRACE`.
+        traces: by controller, columns of :data:`shaftline.agents.evaluate.evaluation.TRACE`.
         ship: whose engine's envelope is drawn.
     """
     plant = ship.record()

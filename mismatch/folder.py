@@ -73,7 +73,7 @@ def diagnose_folder(
         ship: the nominal ship of all.
         out: gets a folder a recording, ``index.html`` and ``index.csv``.
         options: column map, ids to leave out, tolerance.
-        jobs: see :func:`shaftline.plant.sweep.sweep`, as for the backend and the scheduler.
+        jobs: see :func:`shaftline.core.sweep.sweep`, as for the backend and the scheduler.
         backend: ``processes`` or ``dask``.
         scheduler: address of a dask scheduler.
         tick: called after each recording.

@@ -218,7 +218,7 @@ def episodes(
         make: controller of a cell; travels to the other processes and is called there.
         folder: cells are kept in ``folder/cells`` as JSON. A cell's name tells its setting, its ship
             and the version of the equations: where one of them changes, the cell is sailed anew.
-        jobs: see :func:`shaftline.plant.sweep.sweep`, as for the backend and the scheduler.
+        jobs: see :func:`shaftline.core.sweep.sweep`, as for the backend and the scheduler.
         backend: ``processes`` or ``dask``.
         scheduler: address of a dask scheduler.
         tick: called after each cell.

@@ -21,7 +21,7 @@ from ..policy.pilot_adapter import FEATURES
 TOLD = (
     "mean resistance", "swing", "rate of swing", "share of the order's time", "rms of the sea",
 )  # fmt: skip
-"""What the critic is told beside :data:`~shaftline.agents.bridge.FEATURES`."""
+"""What the critic is told beside :data:`~shaftline.agents.policy.pilot_adapter.FEATURES`."""
 
 
 def told(fleet: Fleet) -> NDArray[np.float32]:

@@ -97,7 +97,7 @@ class Network:
 
 
 class Policy:
-    """A learned controller; see :class:`shaftline.baselines.interface.Controller`.
+    """A learned controller; see :class:`shaftline.baselines.controller.Controller`.
 
     Args:
         network: its weights.

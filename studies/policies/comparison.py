@@ -150,7 +150,7 @@ def compare(
         folder: for the cells; those that stand there are not sailed again.
         seeds: episodes a sea, the same for every controller.
         episode_s: length of an episode [s].
-        jobs: see :func:`shaftline.plant.sweep.sweep`.
+        jobs: see :func:`shaftline.core.sweep.sweep`.
         tick: called after each cell.
 
     Raises:

@@ -61,7 +61,7 @@ def frontier(
     Args:
         folder: for the cells.
         seeds: episodes a sea.
-        jobs: see :func:`shaftline.plant.sweep.sweep`.
+        jobs: see :func:`shaftline.core.sweep.sweep`.
         tick: called after each cell.
         gains: of the pilot.
         offsets: of its order [m/s].

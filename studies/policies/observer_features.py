@@ -206,8 +206,8 @@ def study(
         task: that is sailed.
         seeds: training seeds, from 1 on; at least 2.
         episodes: held-out episodes of each policy.
-        changes: of the packaged recipe, see :func:`shaftline.agents.recipe.read_recipe`.
-        jobs: see :func:`shaftline.plant.sweep.sweep`.
+        changes: of the packaged recipe, see :func:`shaftline.agents.learn.recipe.read_recipe`.
+        jobs: see :func:`shaftline.core.sweep.sweep`.
         command: that makes the page, for its head.
 
     Returns:
@@ -244,7 +244,7 @@ PAGE = """# Observers as features of a learned policy
 
 Made by `{command}`.
 
-The same recipe (`agents/recipes/ppo.yml`, task {task}), the same number of steps and {seeds} training
+The same recipe (`agents/learn/recipes/ppo.yml`, task {task}), the same number of steps and {seeds} training
 seeds with each observer; each policy is judged on {episodes} held-out episodes with its own observer.
 Rewards are those of training: less negative is better. Interquartile means over seeds and episodes;
 intervals are 95 %, by bootstrap over the training seeds. *Share of the oracle's* is (this - none) /

@@ -1,6 +1,6 @@
 """What the reward is made of: each weighted term over an episode of each task, with the combinator.
 
-Run ``python -m shaftline.studies.reward_terms``.
+Run ``python -m shaftline.studies.policies.reward_terms``.
 """
 
 from __future__ import annotations

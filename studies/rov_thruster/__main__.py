@@ -1,4 +1,4 @@
-"""A real ROV thruster, diagnosed: the page of :mod:`.rov_thruster_runs` and its figure.
+"""A real ROV thruster, diagnosed: the page of :mod:`.runs` and its figure.
 
 Run ``python -m shaftline.studies.rov_thruster --recordings FOLDER --out docs/results``.
 """

@@ -1,4 +1,4 @@
-"""The page and the picture of the storms: :mod:`.storm_results` in words and tables."""
+"""The page and the picture of the storms: :mod:`.results` in words and tables."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ Only a table was published, so this is no diagnosis: there is no time, no noise 
 ten numbers. Each effect of the catalogue that acts on a motor in steady running ahead is fitted to the
 points, and judged on each point that it was not fitted to.
 
-Run ``python -m shaftline.studies.tito_neri_effects --out docs/results``.
+Run ``python -m shaftline.studies.tito_neri.effects --out docs/results``.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def main() -> None:
     found = table()
     shown = found.assign(value=[f"{v:.3g}" for v in found["value"]])
     body = f"{REASONS}\n{markdown(shown)}\n\n{findings(found)}\n\n{READING}"
-    command = "python -m shaftline.studies.tito_neri_effects --out docs/results"
+    command = "python -m shaftline.studies.tito_neri.effects --out docs/results"
     write_table(folder, "tito-neri", "Tito Neri: what its table can say", command, found, body)
     print(findings(found))
 

@@ -143,7 +143,7 @@ def test_what_json_cannot_hold_is_a_failed_cell(tmp_path: Path) -> None:
 STOPPED = """
 import os, signal, sys, threading, time
 from pathlib import Path
-from shaftline.plant.sweep import sweep
+from shaftline.core.sweep import sweep
 
 # a shell that starts the tests in the background has SIGINT ignored, and children inherit that
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -197,6 +197,6 @@ def test_no_scheduler_answers(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("shaftline.plant.sweep._PATIENCE_S", 0.5)
+    monkeypatch.setattr("shaftline.core.sweep._PATIENCE_S", 0.5)
     with pytest.raises(SweepError, match=f"--scheduler {address}: no dask scheduler answers"):
         sweep(abs, NUMBERS, tmp_path, backend="dask", scheduler=address)
