@@ -15,12 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from ..plant.prime_mover import DIESEL
-from ..plant.propeller import B_SERIES
 from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from ..plant.signals import get_signal
-from .anti_spin_kernel import CONTROLLER, MEMORY, control_fleet
+from .anti_spin_kernel import ANTI_SPIN_MEMORY, CONTROLLER, control_fleet
 from .combinator import combinator_curve
 from .controller import OBSERVED, actions, readings, resumed
 from .torque_loss import TorqueLossObserver
@@ -115,7 +113,7 @@ class AntiSpin:
     ) -> None:
         tuning = _tuned(AntiSpinTuning() if tuning is None else tuning, numbers)
         plant = ship.record()
-        if plant["prime_mover"] != DIESEL or plant["propeller_model"] != B_SERIES:
+        if not ship.has_diesel or ship.propeller.model != "b-series":
             raise ValueError(f"{ship.name}: anti-spin needs a diesel and a B-series propeller")
         if not (tuning.ventilated_speed > 0.0 and tuning.top_speed > 0.0):
             raise ValueError("anti-spin: ventilated_speed and top_speed must be positive")
@@ -160,11 +158,12 @@ class AntiSpin:
         last good one of that ship, at first by that of its slowest steady state.
 
         Returns:
-            Action(s) in [-1, 1] of shape (2,) or (n, 2), and the memory: a MEMORY array of shape (n,),
-            new at every call, with the estimates, the detection and the references of this instant.
+            Action(s) in [-1, 1] of shape (2,) or (n, 2), and the memory: an ANTI_SPIN_MEMORY array of
+            shape (n,), new at every call, with the estimates, the detection and the references of
+            this instant.
         """
         table = np.atleast_2d(np.asarray(observation, dtype=np.float64))
-        fresh = np.zeros(len(table), MEMORY)
+        fresh = np.zeros(len(table), ANTI_SPIN_MEMORY)
         fresh["reading"] = self._slowest()
         memories = resumed(state, fresh, episode_start)
         good = np.abs(table) <= _BOUNDS

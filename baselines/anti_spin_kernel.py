@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..core.compiled import Record, compiled
-from ..plant.prime_mover import diesel_torque, rack_of_torque, torque_limit
-from ..plant.propeller import clip, invert_torque_coefficient, open_water
-from ..plant.shaft import friction_torque, shaft_inertia
+from ..core.numeric import clip
+from ..plant.drives.diesel import diesel_torque, rack_of_torque, torque_limit
+from ..plant.open_water import invert_torque_coefficient, open_water
+from ..plant.shaft import brake_torque_of, drive_torque, inertia_behind_gauge, shaft_inertia
 from .torque_loss import (
     TORQUE_LOSS,
     TORQUE_LOSS_OBSERVER,
@@ -45,7 +46,7 @@ CONTROLLER = np.dtype(
     align=True,
 )
 
-MEMORY = np.dtype(
+ANTI_SPIN_MEMORY = np.dtype(
     [
         ("started", np.int64),
         ("estimate", TORQUE_LOSS),
@@ -102,9 +103,10 @@ def gauge_jump(ship: Record, engine_speed: float, rack_before: float, rack: floa
     if ship.engine_lag > 0.0 or ship.engine_dead_time > 0.0 or math.isfinite(ship.rack_rate_limit):
         return 0.0
     before = diesel_torque(ship, engine_speed, rack_before)
-    drive = diesel_torque(ship, engine_speed, rack) - before
-    drive *= ship.gear_ratio * ship.transmission_efficiency
-    return float(drive * (1.0 - ship.inertia_engine_side / shaft_inertia(ship)))
+    after = diesel_torque(ship, engine_speed, rack)
+    shaft_speed = engine_speed / ship.gear_ratio
+    rise = drive_torque(ship, after, shaft_speed) - drive_torque(ship, before, shaft_speed)
+    return float(rise * inertia_behind_gauge(ship) / shaft_inertia(ship))
 
 
 @compiled
@@ -123,7 +125,7 @@ def control(
 
     Args:
         controller: CONTROLLER record.
-        memory: MEMORY record; not started at the first instant.
+        memory: ANTI_SPIN_MEMORY record; not started at the first instant.
         calm_speed: shaft speed of the order in calm water [rad/s].
         thrust: T_pd, of one propeller in calm water [N].
         shaft_speed: omega, measured [rad/s].
@@ -167,8 +169,7 @@ def control(
     memory.shaft_torque = demand
 
     # through the gearbox to the engine, inside its envelope
-    friction = friction_torque(ship.coulomb_engine_side, ship.viscous_engine_side, shaft_speed)
-    brake = (demand + friction) / (ship.gear_ratio * ship.transmission_efficiency)
+    brake = brake_torque_of(ship, demand, shaft_speed)
     engine_speed = ship.gear_ratio * shaft_speed
     limit = torque_limit(ship, engine_speed)
     rack = rack_of_torque(ship, engine_speed, min(brake, limit))

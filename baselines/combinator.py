@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from ..plant.ship import Ship, load_ship
+from ..plant.ship import Ship
+from ..plant.ship_files import load_ship
 from .controller import actions, readings, resumed
 from .governor import RESPONSE_S, Governor
-from .steady_points import SteadyPoint, require_diesel, speed_range, steady_point
+from .steady_points import SteadyPoint, require_diesel, steady_point
 
 FLOOR_SHARE = 0.5
 """Lowest shaft speed of the curve over the highest; never below the engine's lowest speed."""
@@ -60,7 +61,7 @@ class Curve(NamedTuple):
 def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
     """Highest P/D [-] at which the ship in calm water takes a share of the torque at full speed."""
     require_diesel(ship)
-    top = speed_range(ship)[1]
+    top = ship.shaft_speeds[1]
     low, high = _driving_pitch(ship), ship.propeller.pitch_ratio_max
 
     def excess(pitch: float) -> float:
@@ -91,7 +92,7 @@ def combinator_curve(
     require_diesel(ship)
     if not (0.0 <= floor_share < 1.0 and 0.0 < full_pitch_lever < 1.0):
         raise ValueError(f"shares out of range: {floor_share}, {full_pitch_lever}")
-    lowest, highest = speed_range(ship)
+    lowest, highest = ship.shaft_speeds
     floor = max(lowest, floor_share * highest)
     lever = np.linspace(0.0, 1.0, _POINTS)
     full = full_pitch(ship)

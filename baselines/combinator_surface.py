@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 from ..plant.ship import Ship
 from .combinator import TORQUE_MARGIN, full_pitch
 from .open_water_fit import OpenWaterFit, fit_open_water
-from .steady_points import require_diesel, speed_range, steady_point
+from .steady_points import require_diesel, steady_point
 from .working_point import Working, search, slack, working
 
 ADVANCE_SPEEDS, THRUSTS = 15, 13
@@ -56,7 +56,7 @@ class _Optimum:
     ) -> None:
         self.torque_share = torque_share
         self.plant, self.fit, self.velocity = ship.record(), fit, advance_velocity
-        low, self.top = speed_range(ship)
+        low, self.top = ship.shaft_speeds
         screw = ship.propeller
         self.bounds = [
             (low / self.top, 1.0),
@@ -129,7 +129,7 @@ class _Optimum:
 
 def _fastest(ship: Ship) -> float:
     """Advance speed [m/s] at the ship's highest speed in calm water, with a twentieth to spare."""
-    top = steady_point(ship, speed_range(ship)[1], full_pitch(ship))
+    top = steady_point(ship, ship.shaft_speeds[1], full_pitch(ship))
     return 1.05 * top.advance_velocity
 
 
@@ -148,7 +148,7 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
     """
     require_diesel(ship)
     fit = fit_open_water(ship)
-    low = speed_range(ship)[0]
+    low = ship.shaft_speeds[0]
     slowest = _LEAST_J * low / (2.0 * math.pi) * ship.propeller.diameter_m
     share = np.linspace(0.0, 1.0, THRUSTS)
     rows = []

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from ..core.compiled import compiled
 from ..plant.hull import resistance
-from ..plant.ship import Ship, load_ship
+from ..plant.ship import Ship
+from ..plant.ship_files import load_ship
 from .combinator import Combinator
 from .combinator_surface import Setting, combinator_surface, look_up
 from .controller import Readings, actions, readings, resumed
 from .governor import RESPONSE_S
 from .open_water_fit import fit_open_water, surface
-from .steady_points import speed_range
 
 FILTER_S = 8.0
 """Time constant of the filters on estimated advance speed and thrust [s]: longer than a wave."""
@@ -81,7 +81,7 @@ class CppOptimiser:
         self.surface = combinator_surface(self.ship)
         self.combinator = Combinator(self.ship, interval_s, response_s=response_s)
         self._interval = interval_s
-        self._top = speed_range(self.ship)[1]
+        self._top = self.ship.shaft_speeds[1]
 
     def ordered_thrust(self, speed_order: Any) -> NDArray[np.float64]:
         """Thrust of one propeller [N] that holds an ordered speed [m/s] in calm water, shape (n,).

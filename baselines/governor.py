@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..plant.drives.diesel import rack_of_torque, torque_limit
 from ..plant.linear import linearise
-from ..plant.prime_mover import rack_of_torque, torque_limit
-from ..plant.ship import Ship, load_ship
-from ..plant.ship_sections import Diesel
+from ..plant.ship import Ship
+from ..plant.ship_files import load_ship
 from ..plant.steady_state import equilibrium
-from .steady_points import require_diesel, speed_range, steady_point
+from .steady_points import require_diesel, steady_point
 
 RESPONSE_S = 2.0
 """Time constant of the closed loop [s]; never less than three control intervals."""
@@ -116,8 +116,7 @@ def tune(
     require_diesel(ship)
     if not (interval_s > 0.0 and response_s > 0.0):
         raise ValueError(f"interval and response must be positive: {interval_s}, {response_s} s")
-    mover = ship.prime_mover
-    assert isinstance(mover, Diesel)  # narrowed for the type checker; require_diesel has seen to it
+    mover = ship.diesel
     sluggish = mover.lag_s + mover.dead_time_s
     response = max(response_s, 3.0 * interval_s, 3.0 * sluggish)
     prompt = ship.with_values({"prime_mover.lag_s": 0.0})
@@ -125,7 +124,7 @@ def tune(
     if pitch_ratio is None:
         pitch_ratio = 0.5 * (screw.pitch_ratio_min + screw.pitch_ratio_max)
     speeds, proportional, integral = [], [], []
-    for speed in np.linspace(*speed_range(ship), _TUNED_AT):
+    for speed in np.linspace(*ship.shaft_speeds, _TUNED_AT):
         rack = steady_point(prompt, float(speed), pitch_ratio).fuel_rack
         try:
             point = equilibrium(prompt, rack, pitch_ratio)
@@ -161,7 +160,7 @@ class Governor:
         self.ship = load_ship(ship)
         self.gains = tune(self.ship, interval_s, response_s, pitch_ratio)
         self._plant = self.ship.record()
-        self._lowest, self._highest = speed_range(self.ship)
+        self._lowest, self._highest = self.ship.shaft_speeds
 
     def settle(self, shaft_speed: Any, fuel_rack: Any, order: Any) -> NDArray[np.float64]:
         """Integrals [mm], shape (n,), with which the first command leaves the rack where it is.

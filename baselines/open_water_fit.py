@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..core.compiled import compiled
 from ..plant.propeller import propeller_load
-from ..plant.ship import Ship, ShipError
+from ..plant.ship import Ship
+from ..plant.ship_errors import ShipError
 
 J_DEGREE, PITCH_DEGREE = 4, 5
 LARGEST_ERROR = 0.004
@@ -73,7 +74,7 @@ def fit_open_water(ship: Ship) -> OpenWaterFit:
         ShipError: the propeller has a fixed pitch, or the fit is worse than :data:`LARGEST_ERROR`.
     """
     screw = ship.propeller
-    if not screw.pitch_ratio_min < screw.pitch_ratio_max:
+    if not ship.has_variable_pitch:
         raise ShipError(f"{ship.name}: the CPP optimiser needs a propeller of controllable pitch")
     plant = ship.record()
     diameter = screw.diameter_m

@@ -22,14 +22,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.prime_mover import rack_of_torque
+from ..plant.drives.diesel import rack_of_torque
 from ..plant.shaft import shaft_inertia
-from ..plant.ship import Ship, load_ship
-from ..plant.ship_sections import Diesel
+from ..plant.ship import Ship
+from ..plant.ship_files import load_ship
 from .combinator import combinator_curve
 from .controller import actions, readings, resumed
 from .governor import highest_rack
-from .steady_points import require_diesel, speed_range, steady_point
+from .steady_points import require_diesel, steady_point
 
 ERROR_S, MEAN_S = 2.0, 8.0
 """Time constants of the slowed speed error and of the means [s]: within a wave, and as long as one."""
@@ -105,7 +105,7 @@ class SpeedPilot:
 
     def _limits(self, plant: Any) -> None:
         """Lowest and highest rack [mm] over shaft speed."""
-        low, high = speed_range(self.ship)
+        low, high = self.ship.shaft_speeds
         self._speed_grid = speeds = np.linspace(0.5 * low, 1.2 * high, _LIMITER_POINTS)
         envelope = np.array([highest_rack(plant, float(w)) for w in speeds])
         unloaded = rack_of_torque(plant, float(plant["gear_ratio"]) * low, 0.0)
@@ -115,8 +115,7 @@ class SpeedPilot:
 
     def _units(self, plant: Any) -> None:
         """What gains of one come to on this ship."""
-        mover = self.ship.prime_mover
-        assert isinstance(mover, Diesel)  # for the type checker; require_diesel has seen to it
+        mover = self.ship.diesel
         down = float(plant["gear_ratio"]) * self.ship.transmission.efficiency
         torque = mover.torque_limit_N_m * down
         pitches = float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"])

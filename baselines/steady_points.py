@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
 from ..plant.cavitation import burrill_ratio
-from ..plant.dynamics import State, evaluate
+from ..plant.drives.diesel import rack_of_torque, torque_limit
+from ..plant.dynamics import Loads, loads
 from ..plant.fuel import fuel_rate
-from ..plant.prime_mover import rack_of_torque, torque_limit
-from ..plant.ship import Ship, ShipError
-from ..plant.ship_sections import Diesel
-from ..plant.steady_state import steady_inputs
+from ..plant.shaft import brake_torque_of, drive_torque
+from ..plant.ship import Ship
+from ..plant.ship_errors import ShipError
+from ..plant.state import Inputs, State, without_lags
 
 _FASTEST = 40.0  # m/s
 
@@ -40,9 +40,9 @@ def require_diesel(ship: Ship) -> None:
     Raises:
         ShipError: its prime mover is no diesel, or it cannot move.
     """
-    if not isinstance(ship.prime_mover, Diesel):
+    if not ship.has_diesel:
         raise ShipError(f"{ship.name}: a governor needs a diesel, not {ship.prime_mover.type!r}")
-    if ship.hull.fixed:
+    if not ship.moves:
         raise ShipError(f"{ship.name}: the hull is fixed; there is no ship speed to order")
 
 
@@ -65,63 +65,46 @@ def steady_point(
         ValueError: at this pitch the propeller does not drive the ship ahead.
     """
     require_diesel(ship)
-    plant = ship.record()
-    inputs = steady_inputs(0.0, pitch_ratio, 0.0, resistance_factor)
+    plant = without_lags(ship.record())
+    inputs = Inputs(0.0, float(pitch_ratio), resistance_factor=float(resistance_factor))
     pitch = float(np.clip(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]))
     blade = pitch + float(plant["pitch_actuator_offset"])
-    inflow_lags = float(plant["inflow_lag"]) > 0.0
 
-    def at(speed: float) -> State:
-        state = State(blade, shaft_speed, speed, 0.0, 0.0, 0.0, 0.0, 0.0)
-        if inflow_lags:
-            rate, _ = evaluate(plant, state, inputs, blade, False)
-            state = state._replace(inflow=float(plant["inflow_lag"]) * rate.inflow)
-        return state
+    def at(speed: float) -> Loads:
+        return loads(plant, State(blade, float(shaft_speed), speed), inputs, blade)
 
     def surge(speed: float) -> float:
-        rate, _ = evaluate(plant, at(speed), inputs, blade, False)
-        return float(rate.ship_speed)
+        acting = at(speed)
+        return float(acting.push - acting.resistance)
 
     slowest = float(plant["current"])
     if not surge(slowest) > 0.0:
         raise ValueError(
             f"{ship.name}: at pitch ratio {pitch_ratio:g} the propeller does not push the ship ahead"
         )
-    state = at(float(brentq(surge, slowest, slowest + _FASTEST, xtol=1e-12)))
-    rate, outputs = evaluate(plant, state, inputs, blade, False)
-    # the shaft's equation is linear in the torque that drives it
-    inertia = plant["inertia_engine_side"] + plant["inertia_propeller_side"]
-    lacking = -rate.shaft_speed
-    lacking *= float(inertia + plant["entrained_inertia"])
-    brake = outputs.brake_torque + lacking / float(
-        plant["gear_ratio"] * plant["transmission_efficiency"]
-    )
+    speed = float(brentq(surge, slowest, slowest + _FASTEST, xtol=1e-12))
+    acting = at(speed)
+    # whatever else drives the shaft, the engine's torque brings what the load lacks
+    driving = acting.load_torque - acting.drive_torque
+    driving += drive_torque(plant, acting.brake_torque, shaft_speed)
+    brake = float(brake_torque_of(plant, driving, shaft_speed))
     engine_speed = float(plant["gear_ratio"]) * shaft_speed
     return SteadyPoint(
         shaft_speed,
         pitch,
-        state.ship_speed,
-        outputs.advance_velocity,
-        outputs.thrust,
+        speed,
+        acting.advance_velocity,
+        acting.thrust,
         brake,
         rack_of_torque(plant, engine_speed, brake),
         float(plant["propellers"]) * fuel_rate(plant, engine_speed, brake),
         brake / torque_limit(plant, engine_speed),
         burrill_ratio(
             plant,
-            outputs.thrust,
-            outputs.advance_velocity,
+            acting.thrust,
+            acting.advance_velocity,
             shaft_speed,
-            outputs.pitch_ratio,
-            outputs.submergence,
+            blade,
+            acting.submergence,
         ),
     )
-
-
-def speed_range(ship: Ship) -> tuple[float, float]:
-    """Lowest and highest running speed of the propeller shaft [rad/s]."""
-    mover = ship.prime_mover
-    if not isinstance(mover, Diesel):
-        raise ShipError(f"{ship.name}: only a diesel has a range of running speeds")
-    scale = math.pi / 30.0 / ship.transmission.gear_ratio
-    return mover.speed_min_rpm * scale, mover.speed_max_rpm * scale

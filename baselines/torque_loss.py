@@ -16,8 +16,9 @@ import numpy as np
 
 from ..core.compiled import Record, compiled
 from ..observers.base import model_torque
-from ..plant.shaft import friction_torque
-from ..plant.ship import PLANT, Ship
+from ..plant.record import PLANT
+from ..plant.shaft import friction_torque, inertia_behind_gauge
+from ..plant.ship import Ship
 
 TORQUE_LOSS_OBSERVER = np.dtype(
     [
@@ -113,7 +114,7 @@ class TorqueLossObserver:
             raise ValueError(f"torque-loss observer: time step {dt} s must be positive")
         plant = ship.record()
         record = np.zeros(1, TORQUE_LOSS_OBSERVER)[0]
-        inertia = float(plant["inertia_propeller_side"] + plant["entrained_inertia"])
+        inertia = inertia_behind_gauge(plant)
         record["dt"] = dt
         record["inertia"] = inertia
         record["speed_gain"] = self.speed_rate * inertia

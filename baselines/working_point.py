@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..plant.cavitation import burrill_ratio
+from ..plant.drives.diesel import torque_limit
 from ..plant.fuel import fuel_rate
-from ..plant.prime_mover import torque_limit
-from ..plant.propeller import advance_ratio
+from ..plant.open_water import advance_ratio
+from ..plant.shaft import brake_torque_of, load_torque
 from .combinator import TORQUE_MARGIN
 from .open_water_fit import highest_j, surface, surface_slope
 
@@ -52,9 +53,7 @@ def working(
     kt, kq = surface(thrust, j, pitch_ratio), surface(torque, j, pitch_ratio)
     force = plant.density * plant.diameter**4 * n * n
     load = kq * force * plant.diameter / plant.relative_rotative_efficiency
-    friction = plant.coulomb_engine_side + plant.coulomb_propeller_side
-    friction += (plant.viscous_engine_side + plant.viscous_propeller_side) * shaft_speed
-    brake = (load + friction) / (plant.gear_ratio * plant.transmission_efficiency)
+    brake = brake_torque_of(plant, load_torque(plant, load, shaft_speed), shaft_speed)
     engine_speed = plant.gear_ratio * shaft_speed
     cost = fuel_rate(plant, engine_speed, brake)
     if plant.fuel_base <= 0.0:

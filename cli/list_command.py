@@ -15,7 +15,7 @@ from ..envs import tasks
 from ..mismatch.search.catalogue import catalogue
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
-from ..plant.ship import ship_keys
+from ..plant.ship_files import ship_keys
 from ..plant.signals import CONTROL_SIGNALS, SIGNALS
 from ..plant.waves import presets
 from ..studies.thesis.load_cases import CASES

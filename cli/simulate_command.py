@@ -13,7 +13,9 @@ from ..display import figures
 from ..observers import follow_table, get_observer
 from ..observers.metrics import with_noisy_readings
 from ..plant import get_sea, load_ship, realise
-from ..plant.recording import input_columns, read_recording, simulate_recording
+from ..plant.columns import input_columns
+from ..plant.recording import read_recording
+from ..plant.replay import simulate_recording
 from ..plant.signals import SIGNALS
 from ..studies.thesis.load_cases import CASES, NOISE_SNR_DB, get_case
 from .console import clear_errors, console

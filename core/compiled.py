@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeAlias, TypeVar, cast
 
@@ -66,3 +66,29 @@ def _compiled(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P
         cache=True, error_model="numpy", nogil=True, forceinline=True, fastmath=fastmath
     )(function)
     return cast("Callable[P, R]", kernel)
+
+
+def spelled_out(source: str, fields: Iterable[str], scope: dict[str, Any]) -> Callable[..., Any]:
+    """A kernel over all fields of a record, made from one line for each.
+
+    Kernels cannot loop over a tuple's or a record's fields by name. So the fields are declared once, and
+    what must name every one of them is spelled out from that declaration.
+
+    Args:
+        source: of one function, in which a line that holds ``{field}`` is repeated for every field.
+        fields: names.
+        scope: ``globals()`` of the module that the function shall belong to.
+
+    Returns:
+        The kernel, compiled like any other.
+    """
+    names = tuple(fields)
+    lines = []
+    for line in source.strip().splitlines():
+        lines += [line.format(field=name) for name in names] if "{field}" in line else [line]
+    text = "\n".join(lines)
+    found: dict[str, Any] = {}
+    # under the module's own name, where Numba looks for what it has kept
+    exec(compile(text, scope["__file__"], "exec"), scope, found)
+    (function,) = found.values()
+    return compiled(function)  # type: ignore[no-any-return]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.files import write_atomically
 from ..plant import Ship
-from ..plant.prime_mover import torque_limit
+from ..plant.drives.diesel import torque_limit
 
 TRUTH, ESTIMATE, THESIS = "#1f2a44", "#d1495b", "#8d99ae"
 ESTIMATED = "estimated_advance_velocity_m_s"

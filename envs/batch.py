@@ -15,10 +15,10 @@ from ..baselines.governor import tune
 from ..observers import get_observer
 from ..observers.base import ESTIMATE, OBSERVER
 from ..plant import Sea, Ship, equilibrium, get_sea, load_ship, realise
-from ..plant.dynamics import MEMORY, STATE
-from ..plant.ship import PLANT
-from ..plant.ship_sections import Diesel
-from ..plant.simulation import Disturbance, prepare
+from ..plant.memory import MEMORY
+from ..plant.record import PLANT
+from ..plant.state import STATE, State
+from ..plant.stepping import Disturbance, prepare
 from ..plant.waves import SEA
 from .kernel import (
     EPISODE,
@@ -161,7 +161,7 @@ class Fleet:
     ) -> None:
         self.task = get_task(task)
         self.ship = load_ship(ship).with_values(dict(self.task.ship))
-        if not isinstance(self.ship.prime_mover, Diesel) or self.ship.hull.fixed:
+        if not (self.ship.has_diesel and self.ship.moves):
             raise ValueError(f"{self.ship.name}: the environment needs a diesel ship that moves")
         self.dt = self.ship.time_step_s
         self.steps = round(control_interval_s / self.dt)
@@ -232,7 +232,7 @@ class Fleet:
         speed = float(np.clip(speed, known[0], known[-1]))
         episode["pitch_command"], episode["drive"] = pitch, rack
         episode["integral"] = rack  # the governor takes over without a bump
-        self.states[i] = (pitch, shaft, speed, 0.0, 0.0, 0.0, 0.0, 0.0)
+        self.states[i] = tuple(State(pitch, shaft, speed))
         self.estimates[i] = np.zeros(1, ESTIMATE)[0]
         begin = Disturbance(0.0, 0.0, float(episode["resistance_mean"]))
         prepare(

@@ -18,9 +18,9 @@ from ..core.compiled import Record, compiled
 from ..observers.base import Measurement
 from ..observers.registry import update
 from ..plant.cavitation import burrill_ratio
+from ..plant.drives.diesel import rack_torque, torque_limit
 from ..plant.fuel import fuel_rate
-from ..plant.prime_mover import rack_torque, torque_limit
-from ..plant.simulation import Disturbance, observe, step
+from ..plant.stepping import Disturbance, observe, step
 from .randomness import normal
 from .tasks import TERMS
 

@@ -31,7 +31,7 @@ from .search.fitting import Fitter
 from .search.placed import Window
 from .search.selection import TELL_APART, Candidate, Selector, Tick
 from .simulate.balances import PART_OF, Balances
-from .simulate.replay import Replay
+from .simulate.joint_replay import JointReplay
 
 EXPLAINED_SHARE = 0.8
 """Named effects must explain this share of the residual's power beyond the noise, where what is left is
@@ -135,7 +135,7 @@ def diagnose(
         ShipError: a ship that cannot be simulated.
     """
     with threadpool_limits(1, "blas"):
-        replay = Replay(ship, *tables)
+        replay = JointReplay(ship, *tables)
         balances = Balances(replay)
         noise = {
             c: describe(tables[0][c].to_numpy(dtype=np.float64), replay.interval_s).white_rms

@@ -10,7 +10,8 @@ from typing import Any
 
 from ..core.files import write_json, write_text
 from ..plant.recording import RecordingError
-from ..plant.ship import Ship, write_ship
+from ..plant.ship import Ship
+from ..plant.ship_files import write_ship
 from .diagnosis import Diagnosis, diagnose
 from .recordings import Recording, load_recording
 from .report import as_json

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.compiled import Record, compiled
-from ..plant.propeller import (
+from ..plant.open_water import (
     MIN_ADVANCE_RATIO,
     advance_ratio,
     invert_torque_coefficient,
     open_water,
     open_water_slope,
 )
-from ..plant.ship import PLANT
+from ..plant.record import PLANT
 from ..plant.signals import SIGNALS
 
 NONE, ORACLE, LUENBERGER, SHAFT_KALMAN, POWER_BALANCE = 0, 1, 2, 3, 4

@@ -3,7 +3,28 @@
 from __future__ import annotations
 
 from ..core.compiled import Real, Record, compiled
-from .propeller import clip
+from ..core.numeric import clip
+from .keys import INF, Section, effect, number
+
+
+class PitchActuator(Section):
+    """Hydraulic pitch mechanism, first order."""
+
+    time_constant_s: float = number(
+        "tau_p", "s", record="pitch_time_constant", ge=0.05, le=100, default=2.0
+    )
+    dead_band: float = effect(
+        0.0, "P/D error that does not move it (half width)", record="pitch_dead_band", ge=0, le=0.5
+    )
+    backlash: float = effect(
+        0.0, "play between actuator and blade (full width)", record="pitch_backlash", ge=0, le=0.5
+    )
+    rate_limit_per_s: float = effect(
+        INF, "fastest change of P/D", "1/s", record="pitch_rate_limit", gt=0
+    )
+    offset: float = effect(
+        0.0, "P/D reached minus P/D commanded", record="pitch_actuator_offset", ge=-0.5, le=0.5
+    )
 
 
 @compiled

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 from ..core.compiled import Real, Record, compiled
-from .propeller import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE, clip
+from ..core.numeric import clip
+from .propeller import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
 
 LINE_FACTOR, LINE_OFFSET, LINE_EXPONENT = 0.28, 0.03, 0.57
 """tau_limit = 0.28 (sigma - 0.03)^0.57 for 5 % back cavitation."""

@@ -19,6 +19,7 @@ from ..core.compiled import Real, compiled
 
 HARMONICS = 31
 PITCH_NODES = (0.5, 0.6, 0.8, 1.0, 1.2, 1.4)
+TABLE_SHAPE = (len(PITCH_NODES), HARMONICS, 4)
 _FAMILY_BLADES, _FAMILY_AREA = 4, 0.7
 
 

@@ -2,7 +2,66 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
 from ..core.compiled import Real, Record, compiled
+from .keys import INF, Section, effect, number, require
+
+
+class Hull(Section):
+    """Surge dynamics, resistance and wake."""
+
+    derived = (("propellers", np.float64), ("hull_fixed", np.int64))
+
+    fixed: bool = Field(
+        default=False, description="held at its place, as in a bollard pull or on a bench"
+    )
+    mass_kg: float = number("mass with added mass", "kg", record="mass", gt=0, le=1e9, default=1.0)
+    resistance_coefficient_N_s2_m2: float = number(
+        "R = c1 v^2", "N s2/m2", record="resistance_coefficient", ge=0, le=1e7, default=0.0
+    )
+    thrust_deduction: float = number("t", record="thrust_deduction", ge=-0.2, lt=0.6, default=0.0)
+    wake_fraction: float = number("w", record="wake_fraction", ge=-0.2, lt=0.6, default=0.0)
+    propellers: int = Field(default=1, ge=1, le=8, description="number of equal propellers k_p")
+    fouling_fraction: float = effect(
+        0.0, "added share of the resistance", record="hull_fouling", ge=-0.5, le=3
+    )
+    current_m_s: float = effect(
+        0.0, "current along the track, positive from astern", "m/s", record="current", ge=-5, le=5
+    )
+    wake_slope_s_m: float = effect(
+        0.0, "change of wake fraction with speed", "s/m", record="wake_slope", ge=-0.2, le=0.2
+    )
+    wake_reference_speed_m_s: float = number(
+        "speed at which the wake fraction is w", "m/s", record="wake_reference_speed",
+        ge=0, le=40, default=0.0,
+    )  # fmt: skip
+    episode_resistance_fraction: float = effect(
+        0.0, "added share of the resistance during an episode", record="episode_resistance",
+        ge=-0.9, le=10,
+    )  # fmt: skip
+    episode_start_s: float = number(
+        "its start, from the simulation's", "s", record="episode_start", ge=0, default=0.0
+    )
+    episode_end_s: float = number("its end", "s", record="episode_end", ge=0, default=INF)
+
+    @model_validator(mode="after")
+    def _complete(self) -> Hull:
+        if self.episode_end_s < self.episode_start_s:
+            raise ValueError("episode_end_s must not be before episode_start_s")
+        if not self.fixed:
+            keys = ("mass_kg", "resistance_coefficient_N_s2_m2")
+            require(self, keys, "unless hull.fixed is true")
+        return self
+
+    def fill(self, record: Any) -> None:
+        """Its numbers, and whether it moves."""
+        super().fill(record)
+        record["propellers"] = self.propellers
+        record["hull_fixed"] = self.fixed
 
 
 @compiled

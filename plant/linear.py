@@ -7,8 +7,9 @@ from typing import Any
 import control
 import numpy as np
 
-from .dynamics import Inputs, Outputs, State, evaluate
+from .dynamics import evaluate
 from .ship import Ship
+from .state import Inputs, Outputs, State, active_states
 from .steady_state import Equilibrium
 
 INPUTS = {
@@ -20,21 +21,6 @@ INPUTS = {
 """Inputs of the linear model, in order: P/D command, rack (or voltage), d_c1, u_x."""
 
 _STEP = 1e-30  # of the complex step: no subtraction, hence no cancellation
-
-
-def active_states(ship: Ship) -> list[str]:
-    """Names of the states that this ship's plant has, position apart (nothing depends on it)."""
-    plant = ship.record()
-    has = {
-        "pitch_ratio": plant["pitch_ratio_min"] < plant["pitch_ratio_max"],
-        "shaft_speed": True,
-        "ship_speed": plant["hull_fixed"] == 0,
-        "brake_torque": plant["engine_lag"] > 0.0,
-        "inflow": plant["inflow_lag"] > 0.0,
-        "ventilation": plant["ventilation_thrust_loss"] + plant["ventilation_torque_loss"] > 0.0,
-        "motor_current": plant["armature_inductance"] > 0.0,
-    }
-    return [name for name, present in has.items() if present]
 
 
 def linearise(
@@ -65,7 +51,7 @@ def linearise(
         if name not in known:
             raise ValueError(f"unknown output {name!r}; known: {', '.join(sorted(known))}")
     plant = ship.record()
-    states = active_states(ship)
+    states = active_states(plant)
     state = State(*(complex(value) for value in point.state))
     acting: Any = [complex(value) for value in point.inputs]  # all of one type, for the kernel
     inputs = Inputs(*acting)

@@ -1,175 +1,118 @@
-"""Open-water curves of the Wageningen B-series, and the loads of a propeller.
-
-KT and KQ are polynomials in advance ratio J, pitch ratio P/D, expanded area ratio and blade count
-(Oosterveld & van Oossanen 1975; coefficients as in Bernitsas, Ray & Kinley 1981, Re 2e6). For one
-propeller the last two are constants, so each curve collapses to a 5 x 4 matrix in P/D and J.
-"""
+"""The propeller: its numbers, its load by the open-water curves, and what may be lost from it."""
 
 from __future__ import annotations
 
-import functools
-import math
-from importlib import resources
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
-from ..core.compiled import Real, Record, compiled, compiled_polynomial
-from .four_quadrant import four_quadrant_coefficients
-
-PITCH_POWERS = (0, 1, 2, 3, 6)  # the only ones that the B-series has
-J_POWERS = 4
-CURVE_SHAPE = (len(PITCH_POWERS), J_POWERS)
+from ..core.compiled import Real, Record, compiled
+from ..core.numeric import clip
+from .four_quadrant import PITCH_NODES, TABLE_SHAPE, four_quadrant_coefficients, scaled_to_bollard
+from .keys import Section, effect, number, require
+from .open_water import (
+    CURVE_SHAPE,
+    MAX_ADVANCE_RATIO,
+    MIN_ADVANCE_RATIO,
+    MIN_REVOLUTIONS,
+    PITCH_POWERS,
+    REVOLUTIONS_PER_RADIAN,
+    advance_ratio,
+    b_series,
+    constant_coefficient,
+    open_water,
+)
 
 B_SERIES, FOUR_QUADRANT = 0, 1
 """Codes of ``plant.propeller_model``."""
 
-MIN_ADVANCE_RATIO, MAX_ADVANCE_RATIO = -0.25, 1.6
-"""Outside this range the polynomials run away; the curves are held at its edges.
-
-KQ falls monotonically with J over the whole range for B5-90 at P/D 0.8 to 1.4 (to J 1.43 at P/D 0.6).
-"""
-
-_REVOLUTIONS_PER_RADIAN = 0.5 / math.pi
-_MIN_REVOLUTIONS = 1e-3  # 1/s; keeps J finite at standstill, where thrust and torque vanish anyway
 ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC), m/s2
 
 
-@functools.cache
-def _polynomials() -> pd.DataFrame:
-    with resources.files("shaftline.plant").joinpath("data/b_series_polynomials.csv").open() as f:
-        return pd.read_csv(f)
+class Propeller(Section):
+    """Open-water curves and what may be lost from them."""
 
+    derived = (
+        ("propeller_model", np.int64),
+        ("expanded_area_ratio", np.float64),
+        ("blade_solidity", np.float64),
+        ("kt", np.float64, CURVE_SHAPE),
+        ("kq", np.float64, CURVE_SHAPE),
+        ("four_quadrant_pitch", np.float64, (len(PITCH_NODES),)),
+        ("four_quadrant", np.float64, TABLE_SHAPE),
+    )
 
-def b_series(curve: str, expanded_area_ratio: float, blades: int) -> NDArray[np.float64]:
-    """Collapse a B-series polynomial for one propeller.
+    model: Literal["b-series", "four-quadrant", "bollard"] = "b-series"
+    diameter_m: float = number("diameter D", "m", record="diameter", gt=0, le=15)
+    blades: int = Field(default=4, ge=2, le=7, description="number of blades Z")
+    expanded_area_ratio: float = Field(default=0.7, ge=0.3, le=1.05, description="EAR")
+    pitch_ratio_min: float = number(
+        "lowest P/D; equal to the highest for a fixed-pitch propeller", record="pitch_ratio_min",
+        ge=-1.6, le=1.6, default=1.0,
+    )  # fmt: skip
+    pitch_ratio_max: float = number(
+        "highest P/D", record="pitch_ratio_max", ge=-1.6, le=1.6, default=1.0
+    )
+    relative_rotative_efficiency: float = number(
+        "eta_r", record="relative_rotative_efficiency", gt=0.5, lt=1.5, default=1.0
+    )
+    depth_m: float = number("depth of the centre", "m", record="depth", ge=0, le=30, default=4.0)
+    thrust_coefficient: float = Field(default=0.0, ge=0, le=2, description="KT at J = 0 (bollard)")
+    torque_coefficient: float = Field(default=0.0, ge=0, le=1, description="KQ at J = 0 (bollard)")
+    roughness_drag: float = effect(
+        0.0, "added blade drag coefficient", record="propeller_roughness", ge=0, le=0.05
+    )
+    entrained_inertia_kg_m2: float = effect(
+        0.0, "inertia of entrained water", "kg m2", record="entrained_inertia", ge=0, le=1e7
+    )
+    inflow_lag_s: float = effect(
+        0.0, "first-order lag of the inflow", "s", record="inflow_lag", ge=0, le=60
+    )
+    astern_load_fraction: float = effect(
+        1.0, "thrust and torque of a shaft that turns astern / by the curves",
+        record="astern_load_fraction", ge=0.1, le=5,
+    )  # fmt: skip
+    cavitation_breakdown: float = effect(
+        0.0, "thrust lost per unit deficit of cavitation number", record="cavitation_breakdown",
+        ge=0, le=3,
+    )  # fmt: skip
+    cavitation_onset_number: float = number(
+        "sigma_n at which breakdown begins", record="cavitation_onset_number",
+        gt=0, le=50, default=1.0,
+    )  # fmt: skip
+    cavitation_torque_share: float = number(
+        "torque loss / thrust loss", record="cavitation_torque_share", ge=0, le=1, default=0.8
+    )
 
-    Args:
-        curve: ``"KT"`` or ``"KQ"``.
-        expanded_area_ratio: EAR [-], 0.3 to 1.05.
-        blades: number of blades Z [-], 2 to 7.
+    @model_validator(mode="after")
+    def _complete(self) -> Propeller:
+        keys: tuple[str, ...] = ("torque_coefficient",)
+        if self.model != "bollard":
+            keys = ("blades", "expanded_area_ratio", "pitch_ratio_min", "pitch_ratio_max")
+        require(self, keys, f"with propeller.model = {self.model!r}")
+        if self.pitch_ratio_min > self.pitch_ratio_max:
+            raise ValueError("pitch_ratio_min must not exceed pitch_ratio_max")
+        return self
 
-    Returns:
-        Matrix of shape (5, 4): entry [k, i] multiplies (P/D)**PITCH_POWERS[k] J**i.
-
-    Source: Bernitsas, Ray & Kinley 1981, eqs. (1) and (2).
-    """
-    matrix = np.zeros(CURVE_SHAPE)
-    terms = _polynomials()
-    for term in terms[terms["curve"] == curve].itertuples():
-        matrix[PITCH_POWERS.index(term.pitch_ratio_power), term.j_power] += (
-            term.coefficient
-            * expanded_area_ratio**term.expanded_area_ratio_power
-            * blades**term.blades_power
-        )
-    return matrix
-
-
-def constant_coefficient(value: float) -> NDArray[np.float64]:
-    """Matrix of a curve that depends on neither J nor P/D (a propeller at bollard pull)."""
-    matrix = np.zeros(CURVE_SHAPE)
-    matrix[0, 0] = value
-    return matrix
-
-
-@compiled
-def clip(value: Real, low: float, high: float) -> Real:
-    """Limit ``value`` to [low, high] by its real part, so that complex steps pass."""
-    if value.real < low.real:
-        return low
-    if value.real > high.real:
-        return high
-    return value
-
-
-@compiled_polynomial
-def collapse_pitch(curve: NDArray[np.float64], pitch_ratio: Real) -> tuple[Real, Real, Real, Real]:
-    """Coefficients of J**0 .. J**3 at one pitch ratio, by Horner in P/D."""
-    p = pitch_ratio
-    cube = p * p * p
-    c0 = curve[4, 0] * cube + curve[3, 0]
-    c1 = curve[4, 1] * cube + curve[3, 1]
-    c2 = curve[4, 2] * cube + curve[3, 2]
-    c3 = curve[4, 3] * cube + curve[3, 3]
-    for k in range(2, -1, -1):
-        c0 = c0 * p + curve[k, 0]
-        c1 = c1 * p + curve[k, 1]
-        c2 = c2 * p + curve[k, 2]
-        c3 = c3 * p + curve[k, 3]
-    return c0, c1, c2, c3
-
-
-@compiled_polynomial
-def open_water(curve: NDArray[np.float64], advance_ratio: Real, pitch_ratio: Real) -> Real:
-    """KT or KQ [-] at advance ratio J and pitch ratio P/D."""
-    c0, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
-    return ((c3 * advance_ratio + c2) * advance_ratio + c1) * advance_ratio + c0
-
-
-@compiled_polynomial
-def open_water_slope(curve: NDArray[np.float64], advance_ratio: Real, pitch_ratio: Real) -> Real:
-    """D KT / d J or d KQ / d J [-]."""
-    _, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
-    return (3.0 * c3 * advance_ratio + 2.0 * c2) * advance_ratio + c1
-
-
-@compiled
-def advance_ratio(advance_velocity: Real, shaft_speed: Real, diameter: float) -> Real:
-    """J = 2 pi v_a / (omega D) [-] (thesis eq. 2-7), finite at standstill."""
-    revolutions = shaft_speed * _REVOLUTIONS_PER_RADIAN
-    if abs(revolutions.real) < _MIN_REVOLUTIONS:
-        revolutions = _MIN_REVOLUTIONS
-    return advance_velocity / (revolutions * diameter)
-
-
-@compiled
-def invert_torque_coefficient(
-    curve: NDArray[np.float64], torque_coefficient: float, pitch_ratio: float, guess: float
-) -> tuple[float, bool]:
-    """Advance ratio J at which KQ(J, P/D) has a given value, by safeguarded Newton.
-
-    Args:
-        curve: KQ matrix of shape (5, 4).
-        torque_coefficient: KQ [-] to be met.
-        pitch_ratio: P/D [-].
-        guess: start, for example the previous J.
-
-    Returns:
-        J [-] and whether it lies inside the curve's falling branch between J = 0 and the largest
-        usable J. Outside, J is held at the edge; where the input is not finite, at the guess.
-    """
-    c0, c1, c2, c3 = collapse_pitch(curve, pitch_ratio)
-    if not (math.isfinite(torque_coefficient) and math.isfinite(c0)):
-        return guess, False
-    # KQ falls until its derivative c1 + 2 c2 J + 3 c3 J^2 vanishes
-    high = MAX_ADVANCE_RATIO
-    discriminant = c2 * c2 - 3.0 * c3 * c1
-    if c3 > 0.0 and discriminant > 0.0:
-        high = min(high, (-c2 + math.sqrt(discriminant)) / (3.0 * c3))
-    low = 0.0
-    if torque_coefficient >= c0:
-        return low, torque_coefficient == c0
-    if torque_coefficient <= ((c3 * high + c2) * high + c1) * high + c0:
-        return high, False
-    j = min(max(guess, low), high)
-    if not math.isfinite(j):
-        j = 0.5 * (low + high)
-    for _ in range(60):
-        error = ((c3 * j + c2) * j + c1) * j + c0 - torque_coefficient
-        if error > 0.0:
-            low = j
+    def fill(self, record: Any) -> None:
+        """Its numbers and curves."""
+        super().fill(record)
+        record["expanded_area_ratio"] = self.expanded_area_ratio
+        record["blade_solidity"] = 2.073 * self.expanded_area_ratio  # c Z / D at 0.75 R, B-series
+        if self.model == "bollard":
+            record["kt"] = constant_coefficient(self.thrust_coefficient)
+            record["kq"] = constant_coefficient(self.torque_coefficient)
         else:
-            high = j
-        slope = (3.0 * c3 * j + 2.0 * c2) * j + c1
-        following = j - error / slope
-        if not low < following < high:
-            following = 0.5 * (low + high)
-        if abs(following - j) <= 1e-14:
-            return following, True
-        j = following
-    return j, True
+            record["kt"] = b_series("KT", self.expanded_area_ratio, self.blades)
+            record["kq"] = b_series("KQ", self.expanded_area_ratio, self.blades)
+        record["four_quadrant_pitch"] = PITCH_NODES
+        if self.model == "four-quadrant":
+            record["propeller_model"] = FOUR_QUADRANT
+            powers = np.power.outer(PITCH_NODES, PITCH_POWERS)
+            record["four_quadrant"] = scaled_to_bollard(
+                powers @ record["kt"][:, 0], powers @ record["kq"][:, 0]
+            )
 
 
 @compiled
@@ -225,7 +168,7 @@ def propeller_load(
     Roughness uses the ITTC-1978 scale corrections with the added blade drag Delta C_D:
     Delta KT = -0.3 (P/D) (c Z / D) Delta C_D and Delta KQ = 0.25 (c Z / D) Delta C_D.
     """
-    n = shaft_speed * _REVOLUTIONS_PER_RADIAN
+    n = shaft_speed * REVOLUTIONS_PER_RADIAN
     n2 = n * n if n.real >= 0.0 else -n * n
     if plant.propeller_model == FOUR_QUADRANT:
         kt_n2, kq_n2 = four_quadrant_coefficients(
@@ -247,7 +190,7 @@ def propeller_load(
         drag = plant.propeller_roughness * plant.blade_solidity * n2
         kt_n2 = kt_n2 - 0.3 * pitch_ratio * drag
         kq_n2 = kq_n2 + 0.25 * drag
-    deep_kt = kt_n2 / (n * n + _MIN_REVOLUTIONS * _MIN_REVOLUTIONS)
+    deep_kt = kt_n2 / (n * n + MIN_REVOLUTIONS * MIN_REVOLUTIONS)
     if plant.cavitation_breakdown > 0.0:
         loss = cavitation_loss(plant, n, submergence)
         kt_n2 = kt_n2 * (1.0 - loss)

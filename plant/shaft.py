@@ -7,8 +7,42 @@ import math
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled
+from .keys import Section, effect, number
 
 _STICTION_SPEED = 0.05  # rad/s; Coulomb friction changes sign over this speed instead of at once
+
+
+class Transmission(Section):
+    """Gearbox, inertias on either side of the torque gauge, friction."""
+
+    gear_ratio: float = number("engine speed / shaft speed", record="gear_ratio", gt=0, le=100)
+    efficiency: float = number("eta_trm", record="transmission_efficiency", gt=0.3, le=1)
+    inertia_engine_side_kg_m2: float = number(
+        "I_L, at the propeller shaft", "kg m2", record="inertia_engine_side", gt=0, le=1e9
+    )
+    inertia_propeller_side_kg_m2: float = number(
+        "I_R", "kg m2", record="inertia_propeller_side", ge=0, le=1e9
+    )
+    coulomb_friction_engine_side_N_m: float = effect(
+        0.0, "Coulomb friction before the gauge, at the propeller shaft", "N m",
+        record="coulomb_engine_side", ge=0, le=1e7,
+    )  # fmt: skip
+    viscous_friction_engine_side_N_m_s_rad: float = effect(
+        0.0, "viscous friction before the gauge", "N m s/rad", record="viscous_engine_side",
+        ge=0, le=1e7,
+    )  # fmt: skip
+    coulomb_friction_propeller_side_N_m: float = effect(
+        0.0, "Coulomb friction behind the gauge", "N m", record="coulomb_propeller_side",
+        ge=0, le=1e7,
+    )  # fmt: skip
+    viscous_friction_propeller_side_N_m_s_rad: float = effect(
+        0.0, "viscous friction behind the gauge", "N m s/rad", record="viscous_propeller_side",
+        ge=0, le=1e7,
+    )  # fmt: skip
+    quadratic_drag_N_m_s2_rad2: float = effect(
+        0.0, "c omega |omega| behind the gauge", "N m s2/rad2", record="quadratic_drag",
+        ge=0, le=1e7,
+    )  # fmt: skip
 
 
 @compiled
@@ -37,6 +71,39 @@ def quadratic_drag(plant: Record, shaft_speed: Real) -> Real:
         return 0.0
     sign = 1.0 if shaft_speed.real >= 0.0 else -1.0
     return sign * plant.quadratic_drag * shaft_speed * shaft_speed
+
+
+@compiled
+def drive_torque(plant: Record, brake_torque: Real, shaft_speed: Real) -> Real:
+    """Torque [N m] that drives the shaft: the brake torque through the gearbox (thesis eq. 2-15), less
+    the friction before the gauge.
+    """
+    torque = brake_torque * plant.gear_ratio * plant.transmission_efficiency
+    return torque - friction_torque(
+        plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
+    )
+
+
+@compiled
+def brake_torque_of(plant: Record, torque: Real, shaft_speed: Real) -> Real:
+    """Brake torque [N m] that makes a :func:`drive_torque`."""
+    friction = friction_torque(plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed)
+    return (torque + friction) / (plant.gear_ratio * plant.transmission_efficiency)
+
+
+@compiled
+def load_torque(plant: Record, propeller_torque: Real, shaft_speed: Real) -> Real:
+    """Torque [N m] that the shaft has to bear behind the gauge: propeller, friction and drag."""
+    torque = propeller_torque + friction_torque(
+        plant.coulomb_propeller_side, plant.viscous_propeller_side, shaft_speed
+    )
+    return torque + quadratic_drag(plant, shaft_speed)
+
+
+@compiled
+def inertia_behind_gauge(plant: Record) -> float:
+    """Inertia [kg m2] of what turns behind the torque gauge: I_R and entrained water."""
+    return float(plant.inertia_propeller_side + plant.entrained_inertia)
 
 
 @compiled

@@ -74,6 +74,13 @@ CONTROL_SIGNALS = (
 )  # fmt: skip
 """What a controller sees besides the plant's own signals."""
 
+RECORDED_SIGNALS = (
+    Signal("fuel_flow", "m_f", "kg/s", 0, 100, "sensor", "fuel_flow_kg_s", "fuel flow of the engines"),
+    Signal("inflow_velocity", "v_a", "m/s", -40, 40, "sensor", "inflow_velocity_m_s",
+           "measured speed of the water at the propeller"),
+)  # fmt: skip
+"""What a recording may hold besides; demands on the prime movers are declared in ``drives/``."""
+
 
 def get_signal(name: str) -> Signal:
     """A signal by name.

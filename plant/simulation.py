@@ -1,168 +1,21 @@
-"""Time stepping: one ship with its whole history, or a batch of ships in one call.
-
-Both go through ``step``, the plant's only step in time.
-"""
+"""A ship's whole history: commands and disturbances in, a sample for every step out."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
-from .dynamics import (
-    MEMORY,
-    STATE,
-    Inputs,
-    Outputs,
-    State,
-    begin_step,
-    end_step,
-    evaluate,
-    get_state,
-    read_instruments,
-    runge_kutta,
-    set_state,
-    settle,
-)
-from .hull import episode_factor
+from .memory import MEMORY
 from .ship import Ship
 from .signals import SAMPLE
-from .waves import SYNC_STEPS, WaveMotion, calm, motion, synchronise, turn
-
-
-class Disturbance(NamedTuple):
-    """What acts on the ship at one instant besides its commands and its sea."""
-
-    inflow: float  # u_x [m/s]
-    elevation: float  # of the surface above the propeller [m]
-    resistance_factor: float  # d_c1 [-]
-
-
-UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
-
-
-@compiled
-def _inputs(
-    drive: float,
-    pitch_command: float,
-    disturbance: Disturbance,
-    wave: WaveMotion,
-    episode: float,
-    time: float,
-) -> Inputs:
-    return Inputs(
-        drive,
-        pitch_command,
-        disturbance.inflow + wave.inflow,
-        wave.inflow_slope,
-        wave.position,
-        disturbance.elevation + wave.elevation,
-        disturbance.resistance_factor * episode,
-        time,
-    )
-
-
-@compiled
-def step(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    drive: float,
-    pitch_command: float,
-    start: Disturbance,
-    middle: Disturbance,
-    end: Disturbance,
-    dt: float,
-) -> Outputs:
-    """Carry one ship over one time step; state, memory and sea are changed in place.
-
-    Args:
-        plant: PLANT record.
-        state: STATE record.
-        memory: MEMORY record.
-        sea: SEA record; its phasors are set anew every ``SYNC_STEPS`` steps.
-        drive: demand on the prime mover [mm | V | N m], held over the step.
-        pitch_command: commanded P/D [-], held over the step.
-        start: disturbance at the step's start, added to the sea's.
-        middle: at its middle.
-        end: at its end.
-        dt: [s].
-
-    Returns:
-        The outputs at the step's start, with the new commands acting; the memory holds the
-        instruments' readings of that instant.
-    """
-    now = get_state(state)
-    delivered = begin_step(plant, memory, drive, dt)
-    time = memory.cursor * dt
-    episode = episode_factor(plant, time, dt)
-    if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
-        synchronise(sea, time, now.position, now.ship_speed, 0.5 * dt)
-    wave = motion(sea, now.position)
-    first = _inputs(delivered, pitch_command, start, wave, episode, time)
-    if sea.present != 0:
-        turn(sea, 0.5 * dt)
-        wave = motion(sea, now.position)
-    second = _inputs(delivered, pitch_command, middle, wave, episode, time + 0.5 * dt)
-    if sea.present != 0:
-        turn(sea, 0.5 * dt)
-        wave = motion(sea, now.position)
-    third = _inputs(delivered, pitch_command, end, wave, episode, time + dt)
-    blade = memory.blade_pitch
-    ventilated = memory.ventilated != 0
-    rate, outputs = evaluate(plant, now, first, blade, ventilated)
-    read_instruments(plant, memory, outputs, dt)
-    following = runge_kutta(plant, now, rate, second, third, blade, ventilated, dt)
-    set_state(state, following)
-    end_step(plant, memory, following.ship_speed, dt)
-    return outputs
-
-
-@compiled
-def observe(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    pitch_command: float,
-    disturbance: Disturbance,
-    dt: float,
-) -> Outputs:
-    """Outputs at the present instant under the last drive input; the instruments read them."""
-    now = get_state(state)
-    wave = motion(sea, now.position)
-    time = memory.cursor * dt
-    episode = episode_factor(plant, time, dt)
-    inputs = _inputs(memory.rack, pitch_command, disturbance, wave, episode, time)
-    _, outputs = evaluate(plant, now, inputs, memory.blade_pitch, memory.ventilated != 0)
-    read_instruments(plant, memory, outputs, dt)
-    return outputs
-
-
-@compiled
-def prepare(
-    plant: Record,
-    state: Record,
-    memory: Record,
-    sea: Record,
-    drive: float,
-    disturbance: Disturbance,
-    dt: float,
-) -> None:
-    """Start at time 0: the sea synchronised, the memories settled on the initial state."""
-    now = get_state(state)
-    if sea.present != 0:
-        synchronise(sea, 0.0, now.position, now.ship_speed, 0.5 * dt)
-    wave = motion(sea, now.position)
-    episode = episode_factor(plant, 0.0, dt)
-    inputs = _inputs(drive, now.pitch_ratio, disturbance, wave, episode, 0.0)
-    _, outputs = evaluate(plant, now, inputs, now.pitch_ratio, False)
-    settle(plant, memory, now, outputs, drive, dt)
+from .state import STATE, Outputs, State, get_state
+from .stepping import Disturbance, observe, prepare, step
+from .waves import calm
 
 
 @compiled
@@ -260,45 +113,6 @@ def trajectory(
         memory.speed_log,
         outputs,
     )
-
-
-@compiled
-def advance(
-    plants: Any,
-    states: Any,
-    memories: Any,
-    seas: Any,
-    drive: NDArray[np.float64],
-    pitch_command: NDArray[np.float64],
-    steps: int,
-    dt: float,
-) -> None:
-    """Carry a batch of ships over some steps with held commands; everything changes in place.
-
-    Args:
-        plants: PLANT array of shape (n,).
-        states: STATE array of shape (n,).
-        memories: MEMORY array of shape (n,), settled by ``prepare``.
-        seas: SEA array of shape (n,).
-        drive: demand on each prime mover [mm | V | N m], shape (n,).
-        pitch_command: commanded P/D [-], shape (n,).
-        steps: how many to take.
-        dt: [s].
-    """
-    for i in range(len(plants)):
-        for _ in range(steps):
-            step(
-                plants[i],
-                states[i],
-                memories[i],
-                seas[i],
-                drive[i],
-                pitch_command[i],
-                UNDISTURBED,
-                UNDISTURBED,
-                UNDISTURBED,
-                dt,
-            )
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import root
 
-from .dynamics import Inputs, Outputs, State, evaluate
+from .dynamics import evaluate, settled
 from .ship import Ship
+from .state import Inputs, Outputs, State
 
 
 class Equilibrium(NamedTuple):
@@ -18,13 +19,6 @@ class Equilibrium(NamedTuple):
     state: State
     outputs: Outputs
     inputs: Inputs
-
-
-def steady_inputs(
-    drive: float, pitch_command: float, inflow: float = 0.0, resistance_factor: float = 1.0
-) -> Inputs:
-    """Inputs without waves, at time 0."""
-    return Inputs(drive, pitch_command, inflow, 0.0, 0.0, 0.0, resistance_factor, 0.0)
 
 
 def equilibrium(
@@ -49,14 +43,15 @@ def equilibrium(
             engine's torque does not overcome its friction.
     """
     plant = ship.record()
-    inputs = steady_inputs(drive, pitch_ratio, inflow, resistance_factor)
-    moving = not ship.hull.fixed
+    inputs = Inputs(
+        float(drive), float(pitch_ratio), float(inflow), resistance_factor=float(resistance_factor)
+    )
+    moving = ship.moves
     blade = float(np.clip(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]))
     blade += float(plant["pitch_actuator_offset"])
 
     def complete(shaft_speed: float, ship_speed: float) -> State:
-        bare = State(blade, shaft_speed, ship_speed, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return with_lags_settled(plant, bare, inputs)
+        return settled(plant, State(blade, shaft_speed, ship_speed), inputs)
 
     def residual(unknown: Any) -> list[float]:
         shaft_speed = float(unknown[0])
@@ -78,24 +73,6 @@ def equilibrium(
         f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} and pitch "
         f"ratio {pitch_ratio:g}"
     )
-
-
-def with_lags_settled(plant: Any, state: State, inputs: Inputs) -> State:
-    """The same state with brake torque, inflow and motor current where their lags lead them."""
-    bare = state._replace(brake_torque=0.0, inflow=0.0, motor_current=0.0)
-    rate, _ = evaluate(plant, bare, inputs, bare.pitch_ratio, False)
-    return bare._replace(
-        brake_torque=float(plant["engine_lag"]) * rate.brake_torque,
-        inflow=float(plant["inflow_lag"]) * rate.inflow,
-        motor_current=_steady_current(plant, rate.motor_current),
-    )
-
-
-def _steady_current(plant: Any, rate_at_zero_current: float) -> float:
-    """Current [A] at which di/dt vanishes: L di/dt at i = 0 is R times it."""
-    if plant["armature_inductance"] <= 0.0:
-        return 0.0
-    return float(plant["armature_inductance"] * rate_at_zero_current / plant["armature_resistance"])
 
 
 def _starts(ship: Ship, drive: float) -> list[list[float]]:

@@ -14,7 +14,44 @@ With both losses at 0, their neutral value, the propeller never ventilates.
 
 from __future__ import annotations
 
+from pydantic import model_validator
+
 from ..core.compiled import Real, Record, compiled
+from .keys import Section, effect, number
+
+
+class Ventilation(Section):
+    """Ventilation of the propeller; absent while both losses are 0."""
+
+    thrust_loss: float = effect(
+        0.0, "share of thrust lost", record="ventilation_thrust_loss", ge=0, le=0.95
+    )
+    torque_loss: float = effect(
+        0.0, "share of torque lost", record="ventilation_torque_loss", ge=0, le=0.95
+    )
+    onset_submergence: float = number(
+        "h/R of onset", record="ventilation_onset_submergence", ge=-1, le=5, default=1.0
+    )
+    recovery_submergence: float = number(
+        "h/R of recovery", record="ventilation_recovery_submergence", ge=-1, le=6, default=1.3
+    )
+    loading_gain: float = number(
+        "h/R added per unit KT", record="ventilation_loading_gain", ge=0, le=10, default=0.0
+    )
+    growth_time_s: float = number(
+        "time constant of growth", "s", record="ventilation_growth_time", ge=0.05, le=20,
+        default=0.5,
+    )  # fmt: skip
+    washout_time_s: float = number(
+        "time constant of recovery", "s", record="ventilation_washout_time", ge=0.05, le=60,
+        default=1.5,
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Ventilation:
+        if self.recovery_submergence < self.onset_submergence:
+            raise ValueError("recovery_submergence must not be below onset_submergence")
+        return self
 
 
 @compiled

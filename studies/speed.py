@@ -22,13 +22,14 @@ from ..display.tables import markdown
 from ..envs import FrigateEnv, FrigateVectorEnv
 from ..observers import get_observer
 from ..observers.base import ESTIMATE, OBSERVER
-from ..observers.sailing import sail
 from ..plant import equilibrium, get_sea, load_ship, realise
-from ..plant.dynamics import MEMORY, STATE, State, evaluate
-from ..plant.ship import PLANT
-from ..plant.simulation import UNDISTURBED, advance, prepare
-from ..plant.steady_state import steady_inputs
+from ..plant.dynamics import evaluate
+from ..plant.memory import MEMORY
+from ..plant.record import PLANT
+from ..plant.state import STATE, Inputs, State
+from ..plant.stepping import UNDISTURBED, prepare
 from ..plant.waves import SEA, field
+from .sailing import sail
 
 BATCH, STEPS, REPEATS = 256, 100, 15
 MANY = 1024
@@ -63,20 +64,15 @@ class Fleet:
             prepare(self.plants[i], self.states[i], self.memories[i], self.seas[i],
                     22.0, UNDISTURBED, self.dt)  # fmt: skip
         self.drive, self.pitch = np.full(ships, 22.0), np.full(ships, 1.3)
-        self.observers: Any = None
+        self.observers = np.zeros(ships if observer else 0, OBSERVER)
+        self.estimates = np.zeros(len(self.observers), ESTIMATE)
         if observer:
-            record = get_observer(observer).discretise(frigate, self.dt)
-            self.observers = np.full(ships, record, OBSERVER)
-            self.estimates = np.zeros(ships, ESTIMATE)
+            self.observers[:] = get_observer(observer).discretise(frigate, self.dt)
 
     def run(self, steps: int = STEPS) -> None:
         """Some steps for all ships."""
-        if self.observers is None:
-            advance(self.plants, self.states, self.memories, self.seas,
-                    self.drive, self.pitch, steps, self.dt)  # fmt: skip
-        else:
-            sail(self.plants, self.states, self.memories, self.seas, self.observers,
-                 self.estimates, self.drive, self.pitch, steps, self.dt)  # fmt: skip
+        sail(self.plants, self.states, self.memories, self.seas, self.observers,
+             self.estimates, self.drive, self.pitch, steps, self.dt)  # fmt: skip
 
 
 def _solve_ivp_rate(sea: str | None) -> float:
@@ -89,7 +85,7 @@ def _solve_ivp_rate(sea: str | None) -> float:
     def rate(t: float, x: Any) -> Any:
         state = State(*x)
         inflow = field(record, t, state.position)[0] if record is not None else 0.0
-        return np.array(evaluate(plant, state, steady_inputs(22.0, 1.3, inflow), 1.4, False)[0])
+        return np.array(evaluate(plant, state, Inputs(22.0, 1.3, inflow), 1.4, False)[0])
 
     def work() -> object:
         return solve_ivp(rate, (0.0, 20.0), np.array(start), rtol=1e-6, max_step=0.05 * 10)

@@ -10,7 +10,7 @@ import numpy as np
 from ..search.fitting import Fitter
 from ..search.spectra import Bands, Likelihood, make_bands
 from ..simulate.balances import Balances
-from ..simulate.replay import Replay
+from ..simulate.joint_replay import JointReplay
 
 HELD_OUT_SHARE = 0.25
 
@@ -24,7 +24,7 @@ def bands_of(balances: Balances, segments: Segments) -> Bands:
     return make_bands(segments, interval, len(balances.names), 0.4 / interval)
 
 
-def set_aside(replay: Replay, runs: int) -> list[tuple[Segments, Segments]]:
+def set_aside(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]:
     """Ways to part the recordings into what is fitted and what is judged, the best first.
 
     Whole recordings where the user says so; else the longest recording's last quarter, or, if another
@@ -48,7 +48,7 @@ def set_aside(replay: Replay, runs: int) -> list[tuple[Segments, Segments]]:
     return parted
 
 
-def _coverage(replay: Replay, whole: tuple[int, int], part: tuple[int, int]) -> float:
+def _coverage(replay: JointReplay, whole: tuple[int, int], part: tuple[int, int]) -> float:
     """Share of the demands' range in a recording that a part of it covers."""
     shares = []
     for signal in (replay.drive_rows, replay.command):

@@ -12,7 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from ...plant.recording import BOUNDS, TIME, RecordingError, drive_column
+from ...plant.columns import BOUNDS, TIME, drive_column
+from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .noise import Noise, clipped, frozen
 from .slips import demands
@@ -87,7 +88,7 @@ def too_short(table: pd.DataFrame, interval: float, ship: Ship) -> list[str]:
     said = []
     if len(table) < _FEWEST_ROWS:
         said.append(f"too short: {len(table)} rows; below {_FEWEST_ROWS} little can be told")
-    if not ship.hull.fixed and "ship_speed_m_s" in table:
+    if ship.moves and "ship_speed_m_s" in table:
         speed = float(table["ship_speed_m_s"].abs().median())
         hull = ship.hull.mass_kg / (
             2.0 * ship.hull.resistance_coefficient_N_s2_m2 * max(speed, 1.0)

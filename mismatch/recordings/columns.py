@@ -21,7 +21,8 @@ from typing import Any, Literal
 import pandas as pd
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from ...plant.recording import BOUNDS, COLUMNS, TIME, RecordingError
+from ...plant.columns import BOUNDS, COLUMNS, TIME
+from ...plant.recording import RecordingError
 
 DATE_TIME = "datetime"
 """Unit of a time column that holds dates with times of day, such as ISO 8601."""

@@ -11,16 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.recording import (
-    BOUNDS,
-    COLUMNS,
-    TIME,
-    RecordingError,
-    as_numbers,
-    check_bounds,
-    input_columns,
-    read_table,
-)
+from ...plant.columns import BOUNDS, COLUMNS, TIME, input_columns
+from ...plant.recording import RecordingError, as_numbers, check_bounds, read_table
 from ...plant.ship import Ship
 from .checks import at_rest, dull, on_even_time, pitch_swapped, too_short
 from .columns import load_map

@@ -10,9 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.recording import BOUNDS, drive_column
+from ...plant.columns import BOUNDS, drive_column
 from ...plant.ship import Ship
-from ...plant.ship_sections import DcMotor, Diesel
 
 Array = NDArray[np.float64]
 
@@ -86,9 +85,9 @@ def looks_like(column: str, slips: list[Slip], median: float, expected: str) -> 
 def top_speed(ship: Ship) -> float:
     """Shaft speed [rad/s] that no state of the ship comes near."""
     plant, gear = ship.record(), ship.transmission.gear_ratio
-    if isinstance(ship.prime_mover, Diesel):
+    if ship.has_diesel:
         return 3.0 * float(plant["engine_speed_max"]) / gear
-    if isinstance(ship.prime_mover, DcMotor):
+    if ship.has_voltage:
         return 3.0 * float(plant["drive_max"] / plant["motor_constant"]) / gear
     return BOUNDS[SHAFT_SPEED][1]
 
@@ -101,7 +100,7 @@ def range_of(column: str, ship: Ship) -> str:
     elif column == SHAFT_SPEED:
         top = top_speed(ship) / 3.0
         slow = plant["engine_speed_min"] / plant["gear_ratio"]
-        low, high = (slow if isinstance(ship.prime_mover, Diesel) else -top), top
+        low, high = (slow if ship.has_diesel else -top), top
     else:
         low, high = plant["drive_min"], plant["drive_max"]
     return f"{low:.3g} to {high:.3g} {BOUNDS[column][2]}"

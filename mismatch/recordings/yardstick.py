@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...plant.recording import BOUNDS, TIME, RecordingError, drive_column, simulate_recording
+from ...plant.columns import BOUNDS, TIME, drive_column
+from ...plant.recording import RecordingError
+from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
 from .slips import (
     SHAFT_SPEED,

@@ -6,7 +6,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...plant.ship import Ship, ShipError, key_info
+from ...plant.ship import Ship, key_info
+from ...plant.ship_errors import ShipError
 from ..diagnosis import Diagnosis
 from .wording import breakable, number, superscript
 

@@ -146,7 +146,7 @@ def spectra(diagnosis: Diagnosis) -> list[str]:
     drawn = []
     rate = 1.0 / interval(diagnosis)
     length = min(len(diagnosis.time_s) // 4, round(120.0 * rate))
-    sails = not diagnosis.ship.hull.fixed
+    sails = diagnosis.ship.moves
     for row, (name, unit) in enumerate(diagnosis.balances):
         lines = [(diagnosis.residual_before[row], before_line(diagnosis))]
         if changed(diagnosis):

@@ -14,8 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ...plant.ship import Ship, ShipError, record_name
-from ...plant.ship_sections import DcMotor, Diesel
+from ...plant.ship import Ship
 
 
 @dataclass(frozen=True)
@@ -67,6 +66,8 @@ class Effect:
         needs: columns without which it cannot be tried.
         windowed: acts for a time, whose start and end are fitted too.
         form: what tells it from an entry of the same id and balance.
+        applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
+            ``has_variable_pitch``; beside having the balance and the parameters' keys.
     """
 
     id: str
@@ -83,6 +84,15 @@ class Effect:
     needs: tuple[str, ...] = ()
     windowed: bool = False
     form: str = ""
+    applies_to: tuple[str, ...] = ()
+
+    def acts_on(self, ship: Ship) -> bool:
+        """Whether a ship can have the effect."""
+        if self.balance not in ship.balances:
+            return False
+        return all(getattr(ship, what) for what in self.applies_to) and all(
+            ship.has_key(parameter.key) for parameter in self.parameters
+        )
 
     @property
     def label(self) -> str:
@@ -105,7 +115,7 @@ def _entry(item: dict[str, Any]) -> Effect:
     parameters = tuple(
         Parameter(**{**p, "probes": tuple(p["probes"])}) for p in item.pop("parameters")
     )
-    for key in ("confused_with", "needs"):
+    for key in ("confused_with", "needs", "applies_to"):
         item[key] = tuple(item.get(key, ()))
     item["ties"] = tuple((key, of, float(factor)) for key, of, factor in item.get("ties", ()))
     item["fixed"] = tuple(item.get("fixed", {}).items())
@@ -128,28 +138,8 @@ def applicable(ship: Ship, columns: Iterable[str], exclude: Iterable[str] = ()) 
     if unknown:
         names = ", ".join(sorted({effect.id for effect in catalogue()}))
         raise ValueError(f"unknown effect {sorted(unknown)[0]!r}; known: {names}")
-    motor = not isinstance(ship.prime_mover, Diesel)
-    voltage = isinstance(ship.prime_mover, DcMotor)
-    found = []
-    for effect in catalogue():
-        if effect.id in left_out or not set(effect.needs) <= known:
-            continue
-        if effect.balance == ("engine" if motor else "motor"):
-            continue
-        if motor and effect.balance == "propeller" and "friction" in effect.id:
-            continue  # one shaft without a gauge in it: friction is the motor's
-        if effect.balance == "hull" and ship.hull.fixed:
-            continue
-        fixed_pitch = ship.propeller.pitch_ratio_min == ship.propeller.pitch_ratio_max
-        if "pitch" in effect.id and fixed_pitch:
-            continue
-        keys = [p.key for p in effect.parameters]
-        if any(k.startswith("prime_mover.") for k in keys) and motor and not voltage:
-            continue
-        try:
-            for key in keys:
-                record_name(key, ship)
-        except ShipError:
-            continue
-        found.append(effect)
-    return found
+    return [
+        effect
+        for effect in catalogue()
+        if effect.id not in left_out and set(effect.needs) <= known and effect.acts_on(ship)
+    ]

@@ -21,57 +21,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.compiled import Record, compiled
-from ...plant.hull import resistance, wake_inflow, water_speed
-from ...plant.prime_mover import DC_MOTOR, DIESEL, diesel_torque, steady_motor_current
-from ...plant.propeller import propeller_load
-from ...plant.shaft import friction_torque
-from ...plant.ship_sections import DcMotor, TorqueSource
-from .replay import Replay
+from ...plant.dynamics import loads
+from ...plant.shaft import inertia_behind_gauge
+from ...plant.state import Inputs, State, without_lags
+from .joint_replay import JointReplay
 
 Channels = dict[str, NDArray[np.float64]]
 
 
 @compiled
-def _static_loads(
+def _loads_at(
     plant: Record,
     demand: NDArray[np.float64],
-    shaft_speed: NDArray[np.float64],
     pitch_ratio: NDArray[np.float64],
+    shaft_speed: NDArray[np.float64],
     ship_speed: NDArray[np.float64],
     inflow: NDArray[np.float64],
     elevation: NDArray[np.float64],
     drive_torque: NDArray[np.float64],
     load_torque: NDArray[np.float64],
     thrust: NDArray[np.float64],
+    push: NDArray[np.float64],
     drag: NDArray[np.float64],
     current: NDArray[np.float64],
 ) -> None:
-    """Torques and forces of the nominal parts at each sample, without lags; the last five filled."""
+    """The plant's loads at each sample; the last six filled."""
     for k in range(len(demand)):
-        omega = shaft_speed[k]
-        engine_speed = plant.gear_ratio * omega
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
-        if plant.prime_mover == DIESEL:
-            brake = diesel_torque(plant, engine_speed, rack)
-        elif plant.prime_mover == DC_MOTOR:
-            current[k] = steady_motor_current(plant, rack, engine_speed)
-            brake = plant.motor_constant * current[k]
-        else:
-            brake = rack
-        drive_torque[k] = brake * plant.gear_ratio * plant.transmission_efficiency
-        drive_torque[k] -= friction_torque(
-            plant.coulomb_engine_side, plant.viscous_engine_side, omega
-        )
-        speed = water_speed(plant, ship_speed[k])
-        advance = wake_inflow(plant, speed) + inflow[k]
-        load = propeller_load(
-            plant, advance, omega, pitch_ratio[k], plant.depth + elevation[k], 0.0
-        )
-        load_torque[k] = load.torque / plant.relative_rotative_efficiency + friction_torque(
-            plant.coulomb_propeller_side, plant.viscous_propeller_side, omega
-        )
-        thrust[k] = load.thrust
-        drag[k] = resistance(plant, speed, 1.0)
+        state = State(pitch_ratio[k], shaft_speed[k], ship_speed[k])
+        acting = loads(
+            plant, state, Inputs(rack, pitch_ratio[k], inflow[k], elevation=elevation[k]),
+            pitch_ratio[k],
+        )  # fmt: skip
+        drive_torque[k] = acting.drive_torque
+        load_torque[k] = acting.load_torque
+        thrust[k] = acting.thrust
+        push[k] = acting.push
+        drag[k] = acting.resistance
+        current[k] = acting.motor_current
 
 
 PART_OF = {"thrust": "propeller", "current": "motor"}
@@ -91,13 +78,13 @@ class Balances:
         units: of each.
     """
 
-    def __init__(self, replay: Replay) -> None:
+    def __init__(self, replay: JointReplay) -> None:
         self.replay = replay
         self.plant = replay.ship.record()
-        self.moving = not replay.ship.hull.fixed and "ship_speed_m_s" in replay.channels
+        self._prompt = without_lags(self.plant)
+        self.moving = replay.ship.moves and "ship_speed_m_s" in replay.channels
         self.gauged = "shaft_torque_N_m" in replay.channels
-        electric = isinstance(replay.ship.prime_mover, DcMotor | TorqueSource)
-        self.prime_mover = "motor" if electric else "engine"
+        self.prime_mover = replay.ship.drive_balance
         rows = []
         if "pitch_ratio" in replay.channels and replay.controllable:
             rows.append(("pitch-actuator", "-"))
@@ -109,7 +96,7 @@ class Balances:
             rows.append(("hull", "N"))
         if "thrust_N" in replay.channels:
             rows.append(("thrust", "N"))
-        if "motor_current_A" in replay.channels and isinstance(replay.ship.prime_mover, DcMotor):
+        if "motor_current_A" in replay.channels and replay.ship.has_voltage:
             rows.append(("current", "A"))
         self.names = [name for name, _ in rows]
         self.units = [unit for _, unit in rows]
@@ -127,15 +114,15 @@ class Balances:
         speed = channels.get("ship_speed_m_s", self._speed)
         omega = channels.get("shaft_speed_rad_s", self.nominal_samples["shaft_speed"])
         n = replay.rows
-        drive, load, thrust, drag, current = (np.zeros(n) for _ in range(5))
-        _static_loads(
-            plant, replay.drive_rows, np.ascontiguousarray(omega), np.ascontiguousarray(pitch),
-            np.ascontiguousarray(speed), replay.inflow_rows, replay.elevation_rows,
-            drive, load, thrust, drag, current,
+        drive, load, thrust, push, drag, current = (np.zeros(n) for _ in range(6))
+        _loads_at(
+            self._prompt, replay.drive_rows, np.ascontiguousarray(pitch),
+            np.ascontiguousarray(omega), np.ascontiguousarray(speed), replay.inflow_rows,
+            replay.elevation_rows, drive, load, thrust, push, drag, current,
         )  # fmt: skip
         acceleration = rate(omega, dt)
         left = float(plant["inertia_engine_side"])
-        right = float(plant["inertia_propeller_side"] + plant["entrained_inertia"])
+        right = inertia_behind_gauge(plant)
         found = []
         for name in self.names:
             if name == "pitch-actuator":
@@ -148,8 +135,6 @@ class Balances:
             elif name == "propeller":
                 found.append(right * acceleration + load - channels["shaft_torque_N_m"])
             elif name == "hull":
-                hull = replay.ship.hull
-                push = hull.propellers * (1.0 - hull.thrust_deduction) * thrust
                 found.append(float(plant["mass"]) * rate(speed, dt) - push + drag)
             elif name == "thrust":
                 found.append(channels["thrust_N"] - thrust)

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ...plant.ship_sections import Diesel
-from .replay import Replay
+from .joint_replay import JointReplay
 
 START = {"pitch_ratio": 0.005, "shaft_speed": 0.02, "ship_speed": 0.05}
 """Standard deviation of the first state: P/D [-], share of the shaft speed, ship speed [m/s]."""
@@ -21,7 +20,7 @@ Moved = tuple[Any, tuple[float, float, float]]
 """A record of the ship, and the shift of the first state: P/D, shaft speed, ship speed."""
 
 
-def tolerance_records(replay: Replay, scale: float = 1.0) -> Iterator[Moved]:
+def tolerance_records(replay: JointReplay, scale: float = 1.0) -> Iterator[Moved]:
     """The nominal ship with each number one standard deviation off: record, and shift of the start.
 
     Args:
@@ -45,7 +44,7 @@ def tolerance_records(replay: Replay, scale: float = 1.0) -> Iterator[Moved]:
             record[field] += scale * tolerance * unit
             yield record, UNMOVED
 
-    if not ship.hull.fixed:
+    if ship.moves:
         yield from off(known.resistance, "resistance_coefficient")
         yield from off(known.mass, "mass")
         yield from shifted(known.wake_fraction, "wake_fraction", 1.0)
@@ -55,12 +54,12 @@ def tolerance_records(replay: Replay, scale: float = 1.0) -> Iterator[Moved]:
     for side in ("inertia_engine_side", "inertia_propeller_side"):
         yield from off(known.inertia, side)
     yield from off(known.torque_curve, "relative_rotative_efficiency", power=-1.0)
-    if isinstance(ship.prime_mover, Diesel):
+    if ship.has_diesel:
         yield from off(known.torque_per_rack, "torque_per_rack")
         plant = ship.record()
         highest = float(min(plant["torque_limit"], plant["torque_per_rack"] * plant["drive_max"]))
         yield from shifted(known.torque_offset, "torque_offset", highest)
-    elif ship.prime_mover.type == "dc-motor":
+    elif ship.has_voltage:
         yield from off(known.motor_constant, "motor_constant")
         yield from off(known.armature_resistance, "armature_resistance")
     if replay.controllable:
@@ -69,5 +68,5 @@ def tolerance_records(replay: Replay, scale: float = 1.0) -> Iterator[Moved]:
     yield ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0)
     if replay.controllable:
         yield ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0)
-    if not ship.hull.fixed:
+    if ship.moves:
         yield ship.record(), (0.0, 0.0, scale * START["ship_speed"])

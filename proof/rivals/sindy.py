@@ -1,7 +1,7 @@
 """Sparse identification (PySINDy's sequentially thresholded least squares), to be compared with.
 
-It picks terms for the same equation errors as :mod:`.stepwise_bic`, all scaled to unit rms. PySINDy is not
-among the dependencies; without it :func:`diagnose` raises ImportError.
+It picks terms for the same equation errors as :mod:`.stepwise_bic`, all scaled to unit rms. PySINDy is
+not among the dependencies; without it :func:`diagnose` raises ImportError.
 """
 
 from __future__ import annotations

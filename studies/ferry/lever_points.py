@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from ...baselines.combinator import Curve, combinator_curve, curve_through
 from ...baselines.combinator_surface import CombinatorSurface, combinator_surface, look_up
 from ...baselines.open_water_fit import OpenWaterFit, fit_open_water
-from ...baselines.steady_points import SteadyPoint, speed_range, steady_point
+from ...baselines.steady_points import SteadyPoint, steady_point
 from ...baselines.working_point import working
 from ...plant import Ship
 from ...plant.hull import resistance, wake_inflow
@@ -88,13 +88,13 @@ def governed(ship: Ship, shaft_speed: float, pitch_ratio: float, factor: float) 
     def excess(speed: float) -> float:
         return steady_point(ship, speed, pitch_ratio, factor).torque_share - 1.0
 
-    slower = float(brentq(excess, speed_range(ship)[0], shaft_speed, xtol=1e-10))
+    slower = float(brentq(excess, ship.shaft_speeds[0], shaft_speed, xtol=1e-10))
     return steady_point(ship, slower, pitch_ratio, factor)
 
 
 def at_speed(ship: Ship, pitch_ratio: float, ship_speed: float, factor: float) -> SteadyPoint:
     """The steady state at a pitch [-] whose shaft speed gives a ship speed [m/s]."""
-    top = speed_range(ship)[1]
+    top = ship.shaft_speeds[1]
 
     def missing(shaft_speed: float) -> float:
         return steady_point(ship, shaft_speed, pitch_ratio, factor).ship_speed - ship_speed

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...agents.evaluate.evaluation import with_interval
 from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
-from ...plant.prime_mover import torque_limit
+from ...plant.drives.diesel import torque_limit
 from .comparison import POLICY, Comparison
 
 COLOURS = dict(

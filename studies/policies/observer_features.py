@@ -244,12 +244,12 @@ PAGE = """# Observers as features of a learned policy
 
 Made by `{command}`.
 
-The same recipe (`agents/learn/recipes/ppo.yml`, task {task}), the same number of steps and {seeds} training
-seeds with each observer; each policy is judged on {episodes} held-out episodes with its own observer.
-Rewards are those of training: less negative is better. Interquartile means over seeds and episodes;
-intervals are 95 %, by bootstrap over the training seeds. *Share of the oracle's* is (this - none) /
-(oracle - none): how much of what the true advance velocity brings the estimate recovers. Where the
-oracle's own gain is not clear of zero, the share means nothing. A feature that never varied in
+The same recipe (`agents/learn/recipes/ppo.yml`, task {task}), the same number of steps and {seeds}
+training seeds with each observer; each policy is judged on {episodes} held-out episodes with its own
+observer. Rewards are those of training: less negative is better. Interquartile means over seeds and
+episodes; intervals are 95 %, by bootstrap over the training seeds. *Share of the oracle's* is (this -
+none) / (oracle - none): how much of what the true advance velocity brings the estimate recovers. Where
+the oracle's own gain is not clear of zero, the share means nothing. A feature that never varied in
 training, as the estimate of `none`, is not heard by the policy.
 
 **Answer.** {answer}

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from ...mismatch.diagnosis import Diagnosis, diagnose, fit_percent
 from ...plant import Ship, load_ship
-from ...plant.recording import TIME, input_columns, read_recording, simulate_recording
+from ...plant.columns import TIME, input_columns
+from ...plant.recording import read_recording
+from ...plant.replay import simulate_recording
 
 CONTROLLERS = ("lookup", "1state", "2statekf1")
 REFERENCES = ("step", "sine", "ramp")

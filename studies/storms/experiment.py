@@ -16,8 +16,9 @@ from ...baselines.anti_spin import AntiSpin
 from ...baselines.torque_loss import estimated_propeller_torque
 from ...core.compiled import Record
 from ...plant import Ship, equilibrium, get_sea, load_ship, realise
-from ...plant.dynamics import MEMORY, STATE
-from ...plant.simulation import Disturbance, observe, prepare, step
+from ...plant.memory import MEMORY
+from ...plant.state import STATE
+from ...plant.stepping import Disturbance, observe, prepare, step
 from ...plant.waves import SEA
 
 INTERVAL_STEPS = 10

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
-from ...plant.ship_sections import Diesel
 
 RACK, PITCH = 22.0, 1.4
 """Constant inputs [mm], [-] of every case that does not change them (section 4-1)."""
@@ -55,7 +54,7 @@ class LoadCase:
         """
         screw = ship.propeller
         suits = screw.pitch_ratio_min <= 1.0 and screw.pitch_ratio_max >= PITCH
-        if not (isinstance(ship.prime_mover, Diesel) and suits) or ship.hull.fixed:
+        if not (ship.has_diesel and ship.moves and suits):
             raise ValueError(
                 f"load case {self.name!r} needs a diesel ship with a pitch ratio of 1.0 to {PITCH:g}; "
                 f"{ship.name} is none. Drive it with a recording instead (--inputs)"

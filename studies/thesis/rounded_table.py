@@ -12,7 +12,7 @@ import pandas as pd
 
 from ...observers.metrics import Floats, variance_accounted_for
 from ...plant import load_ship
-from ...plant.propeller import MAX_ADVANCE_RATIO, open_water
+from ...plant.open_water import MAX_ADVANCE_RATIO, open_water
 from ..side_by_side import published
 from .load_cases import CASES
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ...plant import Schedule, Ship, equilibrium, linearise, load_ship, simulate
-from ...plant.dynamics import State
+from ...plant.state import State
 from ..side_by_side import published
 
 MODELS = ("tito-neri-staircase", "tito-neri-sine")

@@ -20,9 +20,9 @@ from shaftline.baselines.ventilation_detection import (
 )
 from shaftline.observers.base import model_torque
 from shaftline.plant import Ship, equilibrium, load_ship
+from shaftline.plant.drives.diesel import rack_torque, torque_limit
 from shaftline.plant.dynamics import evaluate
-from shaftline.plant.prime_mover import rack_torque, torque_limit
-from shaftline.plant.propeller import open_water
+from shaftline.plant.open_water import open_water
 
 CRUISE = [8.0, 9.6, 1.2e5, 1.4, 19.0, 8.0, 7.6, 1.0]
 

@@ -10,7 +10,7 @@ from shaftline.baselines.cpp_optimiser import CppOptimiser
 from shaftline.baselines.open_water_fit import fit_open_water, surface, surface_slope
 from shaftline.baselines.working_point import slack, working
 from shaftline.plant import Ship, ShipError, load_ship
-from shaftline.plant.propeller import open_water, open_water_slope
+from shaftline.plant.open_water import open_water, open_water_slope
 
 from .voyage import sail
 

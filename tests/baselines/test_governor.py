@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from shaftline.baselines.governor import Governor, govern, highest_rack, tune
-from shaftline.baselines.steady_points import speed_range, steady_point
+from shaftline.baselines.steady_points import steady_point
 from shaftline.plant import Schedule, Ship, ShipError, equilibrium, load_ship, simulate
-from shaftline.plant.dynamics import MEMORY, STATE
-from shaftline.plant.prime_mover import rack_torque, torque_limit
-from shaftline.plant.simulation import UNDISTURBED, prepare, step
+from shaftline.plant.drives.diesel import rack_torque, torque_limit
+from shaftline.plant.memory import MEMORY
+from shaftline.plant.state import STATE
+from shaftline.plant.stepping import UNDISTURBED, prepare, step
 from shaftline.plant.waves import calm
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
@@ -18,7 +19,7 @@ by_ship = pytest.mark.parametrize("ship", SHIPS, ids=lambda ship: ship.name)
 
 
 def starting_rack(ship: Ship, pitch: float) -> float:
-    return steady_point(ship, 0.8 * speed_range(ship)[1], pitch).fuel_rack
+    return steady_point(ship, 0.8 * ship.shaft_speeds[1], pitch).fuel_rack
 
 
 def governed(
@@ -47,7 +48,7 @@ def governed(
 @pytest.mark.parametrize("pitch", [0.6, 0.9])
 @pytest.mark.parametrize("share", [0.5, 0.75])
 def test_governor_holds_the_ordered_shaft_speed(ship: Ship, share: float, pitch: float) -> None:
-    order = share * speed_range(ship)[1]
+    order = share * ship.shaft_speeds[1]
     speeds, racks = governed(ship, order, pitch, 600.0)
     assert speeds[-1] == pytest.approx(order, rel=1e-3)
     assert racks[-1] == pytest.approx(steady_point(ship, order, pitch).fuel_rack, rel=0.01)
@@ -56,7 +57,7 @@ def test_governor_holds_the_ordered_shaft_speed(ship: Ship, share: float, pitch:
 
 @by_ship
 def test_response_has_the_ordered_time_constant(ship: Ship) -> None:
-    start = 0.8 * speed_range(ship)[1]
+    start = 0.8 * ship.shaft_speeds[1]
     order = 0.95 * start  # small enough not to reach a limit
     speeds, _ = governed(ship, order, 0.8, 8.0)
     left = (speeds[3] - order) / (start - order)  # after 2 s
@@ -68,7 +69,7 @@ def test_response_has_the_ordered_time_constant(ship: Ship) -> None:
 def test_limiter_keeps_inside_the_envelope(ship: Ship) -> None:
     plant = ship.record()
     for share in (0.3, 0.5, 0.8, 1.0):
-        speed = share * speed_range(ship)[1]
+        speed = share * ship.shaft_speeds[1]
         engine_speed = float(plant["gear_ratio"]) * speed
         torque = rack_torque(plant, engine_speed, highest_rack(plant, speed))
         assert torque <= torque_limit(plant, engine_speed) * (1 + 1e-12)

@@ -10,7 +10,6 @@ from shaftline.baselines.combinator import Combinator, combinator_curve
 from shaftline.baselines.governor import highest_rack
 from shaftline.baselines.registry import ControllerError, make_controller
 from shaftline.baselines.speed_pilot import SpeedPilot
-from shaftline.baselines.steady_points import speed_range
 from shaftline.envs import FrigateVectorEnv
 from shaftline.plant import Ship, ShipError, load_ship
 
@@ -51,7 +50,7 @@ def test_commands_come_to_rest_in_calm_water(ship: Ship, share: float) -> None:
 def step_order(name: str, before: float, after: float) -> tuple[Any, Any]:
     """Shaft speed over the range's ends [-], and rack over the envelope's [-], once the order steps."""
     ship = load_ship(name)
-    plant, (low, high) = ship.record(), speed_range(ship)
+    plant, (low, high) = ship.record(), ship.shaft_speeds
     top, change = top_speed(ship), round(100.0 / INTERVAL_S)
     log = sail(SpeedPilot(ship), ship, lambda t: (before if t < 100.0 else after) * top, 250.0)
     speed = np.array([end.shaft_speed for end in log])
@@ -99,7 +98,7 @@ def test_integral_stands_still_while_the_error_is_large_or_the_rack_at_a_limit()
     assert gained(0.2) == pytest.approx(0.2 * pilot._speed_gain * 0.5 / reset)
     assert gained(-0.2) == pytest.approx(-gained(0.2))
     assert gained(0.6) == gained(-0.6) == 0.0
-    low, high = speed_range(pilot.ship)
+    low, high = pilot.ship.shaft_speeds
     assert gained(0.2, shaft_speed=1.2 * high) == 0.0 > gained(-0.2, shaft_speed=1.2 * high)
     # at a low order, so that the idling engine's own envelope is not in the way
     assert gained(-0.2, 3.0, 0.9 * low) == 0.0 < gained(0.2, 3.0, 0.9 * low)

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shaftline.plant import Ship, equilibrium
-from shaftline.plant.dynamics import MEMORY, STATE
 from shaftline.plant.fuel import fuel_rate
-from shaftline.plant.simulation import UNDISTURBED, Disturbance, prepare, step
+from shaftline.plant.memory import MEMORY
+from shaftline.plant.state import STATE
+from shaftline.plant.stepping import UNDISTURBED, Disturbance, prepare, step
 from shaftline.plant.waves import calm
 
 INTERVAL_S = 0.5

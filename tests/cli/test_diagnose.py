@@ -14,7 +14,7 @@ import pytest
 
 from shaftline.mismatch.results import PAGE, REPORT, SHIP
 from shaftline.plant import equilibrium, load_ship
-from shaftline.plant.recording import simulate_recording
+from shaftline.plant.replay import simulate_recording
 
 from .conftest import Command
 from .test_bad_input import nothing_written, refused

@@ -10,9 +10,9 @@ from shaftline.mismatch.judge.location import active_windows, change_points, reg
 from shaftline.mismatch.report import as_json
 from shaftline.mismatch.search.spectra import Likelihood, make_bands, moments
 from shaftline.mismatch.simulate.balances import Balances
-from shaftline.mismatch.simulate.replay import Replay
+from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import get_sea, load_ship, realise
-from shaftline.plant.recording import simulate_recording
+from shaftline.plant.replay import simulate_recording
 
 from .voyages import NOISE, frigate_voyage
 
@@ -91,7 +91,7 @@ def test_same_recording_same_diagnosis() -> None:
 
 
 def test_balances_of_the_ship_itself_lack_nothing() -> None:
-    balances = Balances(Replay(load_ship("frigate"), frigate_voyage(seed=0)))
+    balances = Balances(JointReplay(load_ship("frigate"), frigate_voyage(seed=0)))
     lacking = balances.residuals(balances.nominal)
     speed = balances.names.index("propeller")
     # a central difference over steps of the demands is all that is left

@@ -16,7 +16,8 @@ import pytest
 
 from shaftline.mismatch.recordings import Recording, fetch, load_recording
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
-from shaftline.plant.recording import RecordingError, simulate_recording
+from shaftline.plant.recording import RecordingError
+from shaftline.plant.replay import simulate_recording
 
 RPM = 30.0 / math.pi
 NOISE = {

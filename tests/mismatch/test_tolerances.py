@@ -11,10 +11,10 @@ from shaftline.mismatch.search.catalogue import catalogue
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.simulate.balances import Balances
-from shaftline.mismatch.simulate.replay import Replay
+from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.mismatch.simulate.tolerances import tolerance_records
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.ship_sections import Tolerances
+from shaftline.plant.tolerances import Tolerances
 
 from .voyages import bench_tug, frigate_voyage, tug_run
 
@@ -31,7 +31,7 @@ def draggy() -> pd.DataFrame:
 
 
 def fitter_of(table: pd.DataFrame, values: dict[str, float], scale: float = 1.0) -> Fitter:
-    balances = Balances(Replay(load_ship("frigate").with_values(values), table))
+    balances = Balances(JointReplay(load_ship("frigate").with_values(values), table))
     return Fitter(balances, bands_of(balances, [(0, len(table))]), scale)
 
 
@@ -70,16 +70,16 @@ def test_the_largest_tolerances_can_be_simulated(draggy: pd.DataFrame) -> None:
 def test_the_factor_multiplies_all_tolerances(draggy: pd.DataFrame) -> None:
     ship = load_ship("frigate")
     doubled = {f"tolerances.{key}": 2.0 * value for key, value in ship.tolerances}
-    by_file = tolerance_records(Replay(ship.with_values(doubled), draggy))
-    by_factor = tolerance_records(Replay(ship, draggy), 2.0)
+    by_file = tolerance_records(JointReplay(ship.with_values(doubled), draggy))
+    by_factor = tolerance_records(JointReplay(ship, draggy), 2.0)
     for (record, _), (other, _) in zip(by_file, by_factor, strict=True):
         assert record.tobytes() == other.tobytes()
 
 
 def used_in(ship: Ship, table: pd.DataFrame) -> set[str]:
     """Tolerances without which a number less is moved."""
-    usual = len(list(tolerance_records(Replay(ship, table))))
-    exact = {key: Replay(ship.with_values({key: 0.0}), table) for key in NUMBERS}
+    usual = len(list(tolerance_records(JointReplay(ship, table))))
+    exact = {key: JointReplay(ship.with_values({key: 0.0}), table) for key in NUMBERS}
     return {key for key, replay in exact.items() if len(list(tolerance_records(replay))) < usual}
 
 
@@ -93,7 +93,7 @@ def test_every_tolerance_of_a_part_that_acts_is_used(draggy: pd.DataFrame) -> No
 def test_thrust_is_moved_in_four_quadrants_too(draggy: pd.DataFrame) -> None:
     ship = load_ship("frigate").with_values({"propeller.model": "four-quadrant"})
     only = {key: 0.0 for key in NUMBERS if key != "tolerances.thrust_curve"}
-    replay = Replay(ship.with_values(only), draggy)
+    replay = JointReplay(ship.with_values(only), draggy)
     record, start = next(tolerance_records(replay))
     thrust = [replay.simulate(plant, start)["thrust"][0] for plant in (ship.record(), record)]
     assert thrust[1] / thrust[0] == pytest.approx(1.002, abs=1e-4)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.recording import simulate_recording
+from shaftline.plant.replay import simulate_recording
 
 NOISE = {
     "pitch_ratio": 0.004,

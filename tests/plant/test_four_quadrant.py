@@ -15,7 +15,8 @@ from shaftline.plant.four_quadrant import (
     four_quadrant_coefficients,
     scaled_to_bollard,
 )
-from shaftline.plant.propeller import b_series, open_water, propeller_load
+from shaftline.plant.open_water import b_series, open_water
+from shaftline.plant.propeller import propeller_load
 
 NODES = np.array(PITCH_NODES)
 SPEEDS = [(0.0, 1.0), (0.8, 1.0), (0.8, -1.0), (-0.8, -1.0), (-0.8, 1.0), (1.0, 0.0)]

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from shaftline.plant import Ship, ShipError, equilibrium, load_ship
 from shaftline.plant.cavitation import burrill_limit, burrill_ratio
+from shaftline.plant.drives.diesel import rack_of_torque, rack_torque
 from shaftline.plant.fuel import fuel_rate, specific_consumption
-from shaftline.plant.prime_mover import rack_of_torque, rack_torque
 
 FRIGATE, FERRY = load_ship("frigate"), load_ship("ferry")
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
-from shaftline.plant.dynamics import Inputs, State, evaluate
-from shaftline.plant.propeller import PITCH_POWERS, b_series
+from shaftline.plant.dynamics import evaluate
+from shaftline.plant.open_water import PITCH_POWERS, b_series
+from shaftline.plant.state import Inputs, State
 from shaftline.plant.waves import field
 
 

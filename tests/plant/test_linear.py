@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from shaftline.plant import Equilibrium, Ship, equilibrium, linearise, load_ship
-from shaftline.plant.dynamics import State, evaluate
-from shaftline.plant.linear import INPUTS, active_states
-from shaftline.plant.propeller import PITCH_POWERS, b_series
+from shaftline.plant.dynamics import evaluate
+from shaftline.plant.linear import INPUTS
+from shaftline.plant.open_water import PITCH_POWERS, b_series
+from shaftline.plant.state import State, active_states
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 POINTS = {"A": (7.03, 0.6), "B": (14.2, 0.6), "C": (9.40, 1.4), "D": (34.7, 1.4)}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shaftline.plant import Schedule, Ship, equilibrium, linearise, load_ship, simulate
-from shaftline.plant.prime_mover import applied_voltage, motor_torque
+from shaftline.plant.drives.dc_motor import applied_voltage, motor_torque
 
 
 def tug(**values: float) -> Ship:

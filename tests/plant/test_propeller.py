@@ -12,15 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.propeller import (
+from shaftline.plant.open_water import (
     MAX_ADVANCE_RATIO,
     advance_ratio,
     b_series,
     invert_torque_coefficient,
     open_water,
     open_water_slope,
-    propeller_load,
 )
+from shaftline.plant.propeller import propeller_load
 
 PITCH_RATIOS = (0.6, 0.8, 1.0, 1.2, 1.4)
 KQ_FRIGATE = b_series("KQ", 0.9, 5)

@@ -10,12 +10,9 @@ import pytest
 
 from shaftline.core.files import write_atomically, write_json
 from shaftline.plant import Schedule, Ship, equilibrium, load_ship, simulate
-from shaftline.plant.recording import (
-    RecordingError,
-    input_columns,
-    read_recording,
-    simulate_recording,
-)
+from shaftline.plant.columns import input_columns
+from shaftline.plant.recording import RecordingError, read_recording
+from shaftline.plant.replay import simulate_recording
 
 MEASURED = ["pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"]
 LAGS = {"prime_mover.lag_s": 1.5, "propeller.inflow_lag_s": 2.0}

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from shaftline.plant import Ship, ShipError, load_ship, ship_names, write_ship
-from shaftline.plant.ship import HISTORY, key_info, record_name
+from shaftline.plant.memory import HISTORY
+from shaftline.plant.ship import key_info, record_name
 
 FRIGATE = resources.files("shaftline.plant").joinpath("ships/frigate.toml").read_text("utf-8")
 

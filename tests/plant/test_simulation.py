@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from shaftline.observers.base import ESTIMATE, OBSERVER
 from shaftline.plant import (
     Equilibrium,
     Schedule,
@@ -20,11 +21,15 @@ from shaftline.plant import (
     realise,
     simulate,
 )
-from shaftline.plant.dynamics import MEMORY, STATE
-from shaftline.plant.ship import PLANT, record_name
+from shaftline.plant.memory import MEMORY
+from shaftline.plant.record import PLANT
+from shaftline.plant.ship import record_name
 from shaftline.plant.signals import SAMPLE, SIGNALS
-from shaftline.plant.simulation import UNDISTURBED, advance, prepare, trajectory
+from shaftline.plant.simulation import trajectory
+from shaftline.plant.state import STATE
+from shaftline.plant.stepping import UNDISTURBED, prepare
 from shaftline.plant.waves import SEA, SYNC_STEPS, calm
+from shaftline.studies.sailing import sail
 
 BUSY = {
     "prime_mover.lag_s": 0.4,
@@ -69,8 +74,9 @@ class Batch:
         n = len(self.plants)
         for k in range(blocks):
             drive, pitch = DRIVES[k * 3 // blocks], PITCHES[k * 3 // blocks]
-            advance(
+            sail(
                 self.plants, self.states, self.memories, self.seas,
+                np.zeros(0, OBSERVER), np.zeros(0, ESTIMATE),
                 np.full(n, drive), np.full(n, pitch), SYNC_STEPS, 0.05,
             )  # fmt: skip
         return self.states.tobytes() + self.memories.tobytes()

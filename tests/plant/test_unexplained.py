@@ -8,6 +8,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from shaftline.core.numeric import piecewise_linear
 from shaftline.plant import (
     Equilibrium,
     Schedule,
@@ -19,8 +20,7 @@ from shaftline.plant import (
     simulate,
 )
 from shaftline.plant.dynamics import evaluate
-from shaftline.plant.ship_sections import Unexplained
-from shaftline.plant.unexplained import BALANCES, FOLLOWED, MAX_KNOTS, piecewise_linear
+from shaftline.plant.unexplained import BALANCES, FOLLOWED, MAX_KNOTS, Unexplained
 
 GEAR, EFFICIENCY = 7.38, 0.95
 

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from shaftline.plant import load_ship
-from shaftline.plant.recording import simulate_recording
+from shaftline.plant.replay import simulate_recording
 from shaftline.proof import cases
 from shaftline.proof.reality import bench, crew_demands, effects, water
 from shaftline.proof.reality.instruments import read

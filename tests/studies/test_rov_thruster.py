@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from shaftline.plant import Schedule, load_ship, simulate
-from shaftline.plant.dynamics import State
+from shaftline.plant.state import State
 from shaftline.studies.rov_thruster import __main__, page
 from shaftline.studies.rov_thruster.runs import (
     CONSTANTS,

@@ -1,4 +1,4 @@
-"""A batch of ships, each with its observer, through its own sea in one compiled call."""
+"""A batch of ships through their own seas in one compiled call: what the speed is measured on."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import compiled
-from ..plant.simulation import UNDISTURBED, step
-from .base import Measurement
-from .registry import update
+from ..observers.base import Measurement
+from ..observers.registry import update
+from ..plant.stepping import UNDISTURBED, step
 
 
 @compiled
@@ -28,13 +28,15 @@ def sail(
 ) -> None:
     """Carry a batch over some steps with held commands; every observer takes every step's sample.
 
+    A batch of no observers sails without.
+
     Args:
         plants: PLANT array of shape (n,).
         states: STATE array of shape (n,), changed in place like the next four.
         memories: MEMORY array of shape (n,), settled by ``prepare``.
         seas: SEA array of shape (n,).
-        observers: OBSERVER array of shape (n,).
-        estimates: ESTIMATE array of shape (n,).
+        observers: OBSERVER array of shape (n,) or (0,).
+        estimates: ESTIMATE array of the same shape.
         drive: demand on each prime mover [mm | V | N m], shape (n,).
         pitch_command: commanded P/D [-], shape (n,).
         steps: how many to take.
@@ -56,11 +58,12 @@ def sail(
                 UNDISTURBED,
                 dt,
             )
-            reading = Measurement(
-                shaft_speed,
-                memories[i].shaft_torque,
-                memories[i].pitch_ratio,
-                outputs.shaft_acceleration,
-                outputs.advance_velocity,
-            )
-            update(observers[i], estimates[i], reading)
+            if len(observers) > 0:
+                reading = Measurement(
+                    shaft_speed,
+                    memories[i].shaft_torque,
+                    memories[i].pitch_ratio,
+                    outputs.shaft_acceleration,
+                    outputs.advance_velocity,
+                )
+                update(observers[i], estimates[i], reading)

@@ -6,12 +6,13 @@ import numpy as np
 
 from shaftline.observers import follow, get_observer, observer_names, readings_of
 from shaftline.observers.base import ESTIMATE, OBSERVER
-from shaftline.observers.sailing import sail
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
-from shaftline.plant.dynamics import MEMORY, STATE
-from shaftline.plant.ship import PLANT
-from shaftline.plant.simulation import UNDISTURBED, prepare
+from shaftline.plant.memory import MEMORY
+from shaftline.plant.record import PLANT
+from shaftline.plant.state import STATE
+from shaftline.plant.stepping import UNDISTURBED, prepare
 from shaftline.plant.waves import SEA, SYNC_STEPS
+from shaftline.studies.sailing import sail
 
 BLOCKS = 40
 NAMES = observer_names()

@@ -1,0 +1,99 @@
+"""Recordings of one ship replayed together, again and again.
+
+An effect leaves its trace in what the *simulation* does under the recorded demands, which are free of
+instrument noise. Regressors made from measured signals would share their noise with the residual and
+make inertia look added where none is (errors in variables).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...plant.columns import MEASURED
+from ...plant.replay import Replay
+from ...plant.ship import Ship
+
+START_STEPS = 40
+"""Time steps of the ship over which the first state is averaged."""
+
+DULL_SHARE = 0.05
+"""Demands that move over less than this share of their size tell no effect from another."""
+
+
+def _moves(demand: NDArray[np.float64]) -> bool:
+    """Whether a demand moves enough to tell one effect from another."""
+    size = float(np.abs(demand).max())
+    return bool(np.ptp(np.quantile(demand, [0.02, 0.98])) > DULL_SHARE * max(size, 1e-12))
+
+
+class JointReplay:
+    """One or more recordings of a ship, each simulated from its own start, end to end in the arrays.
+
+    Args:
+        ship: the nominal ship.
+        tables: canonical columns at an even interval, all finite; equal columns and intervals.
+
+    Raises:
+        ValueError: recordings that do not go together.
+    """
+
+    def __init__(self, ship: Ship, *tables: pd.DataFrame) -> None:
+        self.ship = ship
+        over = START_STEPS * ship.time_step_s
+        self.runs = [Replay(ship, table, over) for table in tables]
+        first = self.runs[0]
+        self.interval_s = first.interval_s
+        self.controllable = ship.has_variable_pitch
+        self.channels = first.channels
+        for number, run in enumerate(self.runs[1:], 2):
+            if run.channels != self.channels or abs(run.interval_s / self.interval_s - 1.0) > 0.01:
+                raise ValueError(
+                    f"recording {number} has other columns or another interval than the first: "
+                    f"{', '.join(run.channels)} every {run.interval_s:g} s, not "
+                    f"{', '.join(self.channels)} every {self.interval_s:g} s"
+                )
+        ends = np.cumsum([run.rows for run in self.runs])
+        self.segments = [(int(e) - r.rows, int(e)) for e, r in zip(ends, self.runs, strict=True)]
+        self.rows = int(ends[-1])
+        self.time_s = np.arange(self.rows, dtype=np.float64) * self.interval_s
+        self.start = first.start
+
+        def joined(name: str) -> NDArray[np.float64]:
+            return np.concatenate([getattr(run, name) for run in self.runs])
+
+        self.drive_rows, self.command = joined("drive_rows"), joined("command")
+        self.excited = any(_moves(signal) for signal in (self.drive_rows, self.command))
+        self.elevation_rows = joined("elevation_rows")
+        self.inflow_rows = np.concatenate([run.inflow_rows(ship.record()) for run in self.runs])
+
+    def simulate(self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
+        """Samples at the recordings' rows under a ship record; SAMPLE array of shape (rows,).
+
+        Args:
+            plant: ship record.
+            shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s].
+        """
+        return np.concatenate(
+            [
+                run.simulate(
+                    plant,
+                    (run.start[0] + shift[0], run.start[1] + shift[1], run.start[2] + shift[2]),
+                )
+                for run in self.runs
+            ]
+        )
+
+    def measured(self) -> dict[str, NDArray[np.float64]]:
+        """Measured channels by column, each of shape (rows,)."""
+        return {
+            c: np.concatenate([run.table[c].to_numpy(dtype=np.float64) for run in self.runs])
+            for c in self.channels
+        }
+
+    def simulated(self, samples: Any) -> dict[str, NDArray[np.float64]]:
+        """The same channels of a simulation."""
+        return {c: np.ascontiguousarray(samples[MEASURED[c]]) for c in self.channels}

@@ -1,0 +1,49 @@
+"""The columns that a recording may have: the signals' own, and the demands on the prime movers."""
+
+from __future__ import annotations
+
+from .drives import DRIVES
+from .ship import Ship
+from .signals import RECORDED_SIGNALS, SIGNALS
+
+TIME = "time_s"
+
+DEMANDS = tuple(drive.demand for drive in DRIVES)
+"""Signal by which each kind of prime mover is driven."""
+
+BOUNDS = {
+    signal.column: (signal.low, signal.high, signal.unit)
+    for signal in (*SIGNALS, *DEMANDS, *RECORDED_SIGNALS)
+}
+"""Lowest and highest value and unit of each column that is understood."""
+
+COLUMNS = (
+    TIME, *(demand.column for demand in DEMANDS), "pitch_ratio_command", "pitch_ratio",
+    "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
+    "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", "inflow_velocity_m_s",
+)  # fmt: skip
+"""Canonical columns of a recording; demands first, then what was measured."""
+
+MEASURED = {
+    "pitch_ratio": "measured_pitch_ratio",
+    "shaft_speed_rad_s": "shaft_speed",
+    "shaft_torque_N_m": "measured_shaft_torque",
+    "ship_speed_m_s": "measured_ship_speed",
+    "thrust_N": "thrust",
+    "motor_current_A": "motor_current",
+}
+"""Measured columns and the simulated signal that answers each."""
+
+ON_ANY_SHIP = tuple(MEASURED)[:4]
+"""Columns that a simulation always has; the rest where the recording has them."""
+
+
+def drive_column(ship: Ship) -> str:
+    """Column that holds the demand on the ship's prime mover."""
+    return ship.prime_mover.demand.column
+
+
+def input_columns(ship: Ship) -> list[str]:
+    """Columns that a recording must have to drive the ship."""
+    command = ["pitch_ratio_command"] if ship.has_variable_pitch else []
+    return [TIME, drive_column(ship), *command]

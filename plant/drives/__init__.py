@@ -1,0 +1,57 @@
+"""Prime movers, a file each: section of the ship's file, what drives it, and its equations.
+
+A new one is its file, its places in this one, and its test.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...core.compiled import Real, Record, compiled
+from .dc_motor import DcMotor, drive_motor
+from .diesel import Diesel, drive_diesel
+from .torque_source import TorqueSource
+
+Drive = Diesel | DcMotor | TorqueSource
+
+DRIVES: tuple[type[Drive], ...] = (Diesel, DcMotor, TorqueSource)
+"""Every kind; ``plant.prime_mover`` holds the ``code`` of one."""
+
+DIESEL, DC_MOTOR = Diesel.code, DcMotor.code
+
+
+class Driven(NamedTuple):
+    """What a prime mover does at one instant."""
+
+    brake_torque: Real  # M_b [N m]
+    brake_torque_rate: Real  # of a torque that lags [N m/s]
+    current: Real  # of a motor [A]
+    current_rate: Real  # of a motor with inductance [A/s]
+
+
+@compiled
+def driven(
+    plant: Record, engine_speed: Real, demand: Real, brake_torque: Real, motor_current: Real
+) -> Driven:
+    """Torque of the prime mover, whatever it is.
+
+    Args:
+        plant: ship record.
+        engine_speed: omega_e [rad/s].
+        demand: fuel rack [mm], voltage [V] or torque [N m].
+        brake_torque: state of a torque that lags [N m].
+        motor_current: state of an armature with inductance [A].
+    """
+    torque_rate = 0.0
+    current = 0.0
+    current_rate = 0.0
+    if plant.prime_mover == DIESEL:
+        torque, torque_rate = drive_diesel(plant, engine_speed, demand, brake_torque)
+    elif plant.prime_mover == DC_MOTOR:
+        torque, current, current_rate = drive_motor(plant, engine_speed, demand, motor_current)
+    else:
+        torque = demand
+    return Driven(torque, torque_rate, current, current_rate)
+
+
+__all__ = ["DRIVES", "DcMotor", "Diesel", "Drive", "Driven", "TorqueSource", "driven"]

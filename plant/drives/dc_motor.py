@@ -1,0 +1,130 @@
+"""Direct-current motor driven by a voltage, with what its supply withholds."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal
+
+from ...core.compiled import Real, Record, compiled
+from ...core.numeric import clip
+from ..keys import INF, Section, effect, number
+from ..signals import Signal
+from .two_way import fill_two_way
+
+
+class DcMotor(Section):
+    """Direct-current motor driven by a voltage."""
+
+    type: Literal["dc-motor"]
+
+    code: ClassVar[int] = 1
+    balance: ClassVar[str] = "motor"
+    demand: ClassVar[Signal] = Signal(
+        "motor_voltage_demand", "U", "V", -1e5, 1e5, "demand", "motor_voltage_V",
+        "voltage demanded of the motor's supply",
+    )  # fmt: skip
+
+    motor_constant_V_s_rad: float = number(
+        "K_e, back-EMF and torque constant", "V s/rad = N m/A", record="motor_constant",
+        gt=0, le=1e3,
+    )  # fmt: skip
+    armature_resistance_ohm: float = number(
+        "R_a", "ohm", record="armature_resistance", gt=0, le=1e4
+    )
+    armature_inductance_H: float = number(
+        "L_a; 0 leaves the current without dynamics", "H", record="armature_inductance",
+        ge=0, le=100, default=0.0,
+    )  # fmt: skip
+    voltage_max_V: float = number(
+        "end stop of the demand, either way", "V", record="drive_max", gt=0, le=1e5
+    )
+    command_dead_zone_V: float = effect(
+        0.0, "demand that gives nothing (half width); taken off beyond it", "V",
+        record="command_dead_zone", ge=0, le=1e5,
+    )  # fmt: skip
+    reverse_torque_fraction: float = effect(
+        1.0, "torque constant at negative current / at positive", record="reverse_torque_fraction",
+        gt=0, le=2,
+    )  # fmt: skip
+    supply_limit_V: float = effect(
+        INF, "highest voltage that reaches the armature, either way", "V", record="supply_limit",
+        gt=0,
+    )  # fmt: skip
+    supply_current_limit_A: float = effect(
+        INF, "highest current that the supply gives, either way", "A",
+        record="supply_current_limit", gt=0,
+    )  # fmt: skip
+
+    def fill(self, record: Any) -> None:
+        """Its numbers; demands go either way, and have no rack."""
+        super().fill(record)
+        fill_two_way(record)
+
+
+@compiled
+def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
+    """Voltage [V] at the armature for a demand [V] inside the end stops, at a motor speed [rad/s].
+
+    Demands within ``command_dead_zone`` give none and short the armature; beyond it the dead zone is
+    taken off. The supply gives no more than ``supply_limit``, and lets its voltage go as far as it takes
+    to hold the current at ``supply_current_limit``.
+    """
+    voltage = demand
+    if plant.command_dead_zone > 0.0:
+        voltage = demand - clip(demand, -plant.command_dead_zone, plant.command_dead_zone)
+    voltage = clip(voltage, -plant.supply_limit, plant.supply_limit)
+    if plant.supply_current_limit < math.inf:
+        back, span = (
+            plant.motor_constant * motor_speed,
+            plant.armature_resistance * plant.supply_current_limit,
+        )
+        voltage = clip(voltage, back - span, back + span)
+    return voltage
+
+
+@compiled
+def motor_torque(plant: Record, current: Real) -> Real:
+    """Torque [N m] of the motor: K_e i, and ``reverse_torque_fraction`` of it where i drives astern.
+
+    By the sign of the current the torque has no jump; in steady running that is also the sign of
+    rotation and demand. The back-EMF stays K_e omega, so a fraction below 1 is a loss.
+    """
+    torque = plant.motor_constant * current
+    if current.real < 0.0:
+        torque = torque * plant.reverse_torque_fraction
+    return torque
+
+
+@compiled
+def motor_current_rate(plant: Record, voltage: Real, motor_speed: Real, current: Real) -> Real:
+    """Di/dt [A/s] of the armature (Vrijdag & Martelli 2021, eq. 1)."""
+    return (
+        voltage - plant.motor_constant * motor_speed - plant.armature_resistance * current
+    ) / plant.armature_inductance
+
+
+@compiled
+def steady_motor_current(plant: Record, voltage: Real, motor_speed: Real) -> Real:
+    """Armature current [A] where the inductance is left out."""
+    return (voltage - plant.motor_constant * motor_speed) / plant.armature_resistance
+
+
+@compiled
+def drive_motor(
+    plant: Record, motor_speed: Real, demand: Real, current: Real
+) -> tuple[Real, Real, Real]:
+    """Torque [N m] of the motor, its current [A], and di/dt [A/s] where it has inductance.
+
+    Args:
+        plant: ship record; ``armature_inductance`` 0 leaves the current without dynamics.
+        motor_speed: [rad/s].
+        demand: voltage demanded [V].
+        current: state of the armature [A].
+    """
+    voltage = applied_voltage(plant, demand, motor_speed)
+    rate = 0.0
+    if plant.armature_inductance > 0.0:
+        rate = motor_current_rate(plant, voltage, motor_speed, current)
+    else:
+        current = steady_motor_current(plant, voltage, motor_speed)
+    return motor_torque(plant, current), current, rate

@@ -1,0 +1,180 @@
+"""Diesel engine by its fuel rack map, inside its envelope, with a lag of its torque."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ...core.compiled import Real, Record, compiled
+from ...core.numeric import clip
+from ..keys import INF, Section, effect, number, require
+from ..signals import Signal
+
+
+def _coefficient(term: str, neutral: float, *, record: str) -> Any:
+    """A coefficient of the fuel surface: fuel share per power share and speed share."""
+    return number(f"of {term} in the fuel surface", record=record, ge=-100, le=100, default=neutral)
+
+
+class Diesel(Section):
+    """Diesel engine by its fuel rack map M_b = a omega_e + b X + c."""
+
+    type: Literal["diesel"]
+
+    code: ClassVar[int] = 0
+    balance: ClassVar[str] = "engine"
+    demand: ClassVar[Signal] = Signal(
+        "fuel_rack_demand", "X", "mm", 0, 200, "demand", "fuel_rack_mm", "demand on the fuel rack"
+    )
+    derived: ClassVar[tuple[tuple[Any, ...], ...]] = (
+        ("engine_speed_min", np.float64),
+        ("engine_speed_max", np.float64),
+    )
+
+    torque_per_speed_N_m_s_rad: float = number(
+        "a", "N m s/rad", record="torque_per_speed", ge=-1e5, le=0
+    )
+    torque_per_rack_N_m_mm: float = number("b", "N m/mm", record="torque_per_rack", gt=0, le=1e6)
+    torque_offset_N_m: float = number("c", "N m", record="torque_offset", ge=-1e6, le=1e6)
+    rack_max_mm: float = number("end stop of the rack", "mm", record="drive_max", gt=0, le=200)
+    speed_min_rpm: float = Field(ge=0, le=3000, description="lowest running speed")
+    speed_max_rpm: float = Field(gt=0, le=5000, description="highest running speed")
+    torque_limit_N_m: float = number(
+        "highest brake torque", "N m", record="torque_limit", gt=0, default=INF
+    )
+    torque_limit_at_min_speed_N_m: float = number(
+        "brake torque limit at the lowest speed", "N m", record="torque_limit_idle", gt=0,
+        default=INF,
+    )  # fmt: skip
+    torque_limit_slope_N_m_s_rad: float = number(
+        "rise of the limit with engine speed", "N m s/rad", record="torque_limit_slope",
+        ge=0, le=1e6, default=0.0,
+    )  # fmt: skip
+    lag_s: float = effect(
+        0.0, "first-order lag of the torque", "s", record="engine_lag", ge=0, le=30
+    )
+    dead_time_s: float = effect(
+        0.0, "delay of the rack's demand", "s", record="engine_dead_time", ge=0, le=6
+    )
+    rack_rate_limit_mm_s: float = effect(
+        INF, "fastest travel of the rack", "mm/s", record="rack_rate_limit", gt=0
+    )
+    derating_fraction: float = effect(
+        0.0, "share of torque lost", record="derating", ge=-0.5, le=0.9
+    )
+    torque_curvature_N_m_s2_rad2: float = effect(
+        0.0, "bend of the map's lines over engine speed", "N m s2/rad2", record="torque_curvature",
+        ge=-1e4, le=1e4,
+    )  # fmt: skip
+    torque_curvature_speed_rad_s: float = number(
+        "engine speed about which they bend", "rad/s", record="torque_curvature_speed",
+        ge=0, le=500, default=0.0,
+    )  # fmt: skip
+    fuel_base_g_kWh: float = effect(
+        0.0, "specific consumption that scales the fuel surface; 0 is no fuel model", "g/kWh",
+        record="fuel_base", ge=0, le=1000,
+    )  # fmt: skip
+    fuel_rated_power_W: float = number(
+        "power N_r by which the surface's power is divided (its speed, by the highest)", "W",
+        record="fuel_rated_power", gt=0, le=1e9, default=1.0,
+    )  # fmt: skip
+    fuel_p0_s1: float = _coefficient("omega", 0.0, record="fuel_p0_s1")
+    fuel_p0_s2: float = _coefficient("omega^2", 0.0, record="fuel_p0_s2")
+    fuel_p1_s0: float = _coefficient("N", 1.0, record="fuel_p1_s0")
+    fuel_p1_s1: float = _coefficient("N omega", 0.0, record="fuel_p1_s1")
+    fuel_p1_s2: float = _coefficient("N omega^2", 0.0, record="fuel_p1_s2")
+    fuel_p2_s0: float = _coefficient("N^2", 0.0, record="fuel_p2_s0")
+    fuel_p2_s1: float = _coefficient("N^2 omega", 0.0, record="fuel_p2_s1")
+    fuel_p3_s0: float = _coefficient("N^3", 0.0, record="fuel_p3_s0")
+
+    @model_validator(mode="after")
+    def _fuel_complete(self) -> Diesel:
+        if self.fuel_base_g_kWh > 0.0:
+            require(self, ("fuel_rated_power_W",), "with a fuel_base_g_kWh")
+        return self
+
+    @model_validator(mode="after")
+    def _speeds_in_order(self) -> Diesel:
+        if self.speed_min_rpm >= self.speed_max_rpm:
+            raise ValueError("speed_min_rpm must be below speed_max_rpm")
+        return self
+
+    def fill(self, record: Any) -> None:
+        """Its numbers, and its speeds in rad/s."""
+        super().fill(record)
+        record["engine_speed_min"] = self.speed_min_rpm * math.pi / 30.0
+        record["engine_speed_max"] = self.speed_max_rpm * math.pi / 30.0
+
+
+@compiled
+def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
+    """Brake torque M_b [N m] of the rack map (thesis eqs. 2-13 and 2-14), before its limits.
+
+    Args:
+        plant: ship record; ``torque_curvature`` bends the map's straight lines about
+            ``torque_curvature_speed``, ``derating`` takes away a fraction of the torque.
+        engine_speed: omega_e [rad/s].
+        fuel_rack: X [mm].
+    """
+    torque = plant.torque_per_speed * engine_speed + plant.torque_per_rack * fuel_rack
+    torque = torque + plant.torque_offset
+    deviation = engine_speed - plant.torque_curvature_speed
+    torque = torque + plant.torque_curvature * deviation * deviation
+    return torque * (1.0 - plant.derating)
+
+
+@compiled
+def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
+    """Fuel rack X [mm] at which the rack map gives a brake torque, before end stops and limits.
+
+    Args:
+        plant: ship record.
+        engine_speed: omega_e [rad/s].
+        brake_torque: M_b [N m].
+    """
+    at_no_rack = rack_torque(plant, engine_speed, 0.0)
+    return (brake_torque - at_no_rack) / (plant.torque_per_rack * (1.0 - plant.derating))
+
+
+@compiled
+def torque_limit(plant: Record, engine_speed: Real) -> Real:
+    """Upper edge of the engine's envelope [N m]: rising from idle speed, then flat."""
+    return clip(
+        plant.torque_limit_idle
+        + plant.torque_limit_slope * (engine_speed - plant.engine_speed_min),
+        -plant.torque_limit,
+        plant.torque_limit,
+    )
+
+
+@compiled
+def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
+    """Brake torque M_b [N m] of the diesel engine inside its envelope."""
+    torque = rack_torque(plant, engine_speed, fuel_rack)
+    limit = torque_limit(plant, engine_speed)
+    if torque.real > limit.real:
+        return limit
+    return torque
+
+
+@compiled
+def drive_diesel(
+    plant: Record, engine_speed: Real, fuel_rack: Real, lagged: Real
+) -> tuple[Real, Real]:
+    """Brake torque M_b [N m] in force and the rate [N m/s] of the torque that lags.
+
+    Args:
+        plant: ship record; ``engine_lag`` 0 lets the torque follow the rack map at once.
+        engine_speed: omega_e [rad/s].
+        fuel_rack: X [mm].
+        lagged: brake torque state [N m].
+    """
+    torque = diesel_torque(plant, engine_speed, fuel_rack)
+    rate = 0.0
+    if plant.engine_lag > 0.0:
+        rate = (torque - lagged) / plant.engine_lag
+        torque = lagged
+    return torque, rate

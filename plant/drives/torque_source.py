@@ -1,0 +1,29 @@
+"""Drive that delivers the torque that it is told."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+from ..keys import Section, number
+from ..signals import Signal
+from .two_way import fill_two_way
+
+
+class TorqueSource(Section):
+    """Drive that delivers the torque that it is told."""
+
+    type: Literal["torque-command"]
+
+    code: ClassVar[int] = 2
+    balance: ClassVar[str] = "motor"
+    demand: ClassVar[Signal] = Signal(
+        "motor_torque_demand", "M_d", "N m", -1e8, 1e8, "demand", "motor_torque_N_m",
+        "torque demanded of the drive",
+    )  # fmt: skip
+
+    torque_max_N_m: float = number("torque limit", "N m", record="drive_max", gt=0, le=1e8)
+
+    def fill(self, record: Any) -> None:
+        """Its numbers; demands go either way, and have no rack."""
+        super().fill(record)
+        fill_two_way(record)

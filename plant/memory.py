@@ -1,0 +1,118 @@
+"""What the plant remembers between steps: actuators, instruments with their faults, delay lines."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..core.compiled import Record, compiled
+from .actuators import rack_position
+from .keys import Section, effect
+from .state import Outputs, State
+from .ventilation import can_ventilate, ventilation_state
+
+HISTORY = 128
+"""Samples that a delay can look back."""
+
+
+class Sensors(Section):
+    """Systematic errors of the instruments (noise is added where measurements are used)."""
+
+    pitch_offset: float = effect(
+        0.0, "P/D read minus P/D", record="pitch_sensor_offset", ge=-0.5, le=0.5
+    )
+    torque_bias_N_m: float = effect(
+        0.0, "torque read at no torque", "N m", record="torque_sensor_bias", ge=-1e7, le=1e7
+    )
+    torque_gain: float = effect(
+        1.0, "torque read per torque", record="torque_sensor_gain", gt=0, le=3
+    )
+    torque_delay_s: float = effect(
+        0.0, "delay of the torque signal", "s", record="torque_sensor_delay", ge=0, le=6
+    )
+    speed_log_lag_s: float = effect(
+        0.0, "first-order lag of the speed log", "s", record="speed_log_lag", ge=0, le=600
+    )
+
+
+MEMORY = np.dtype(
+    [
+        ("rack", np.float64),  # rack position, or drive command [mm | V | N m]
+        ("blade_pitch", np.float64),  # of the backlash's play operator [-]
+        ("ventilated", np.int64),
+        ("speed_log", np.float64),  # reading of the speed log [m/s]
+        ("shaft_torque", np.float64),  # reading of the torque gauge [N m]
+        ("pitch_ratio", np.float64),  # reading of the pitch sensor [-]
+        ("cursor", np.int64),
+        ("demands", np.float64, (HISTORY,)),
+        ("torques", np.float64, (HISTORY,)),
+    ],
+    align=True,
+)
+"""What the plant remembers between steps: actuators, instruments, delay lines."""
+
+
+@compiled
+def _delayed(line: Any, cursor: int, delay_steps: float) -> float:
+    """Sample of a delay line, linear between samples: the mean of a held signal over a step."""
+    whole = int(delay_steps)
+    part = delay_steps - whole
+    newer = line[(cursor - whole) % HISTORY]
+    older = line[(cursor - whole - 1) % HISTORY]
+    return float(newer + part * (older - newer))
+
+
+@compiled
+def begin_step(plant: Record, memory: Record, demand: float, dt: float) -> float:
+    """Pass a drive demand through dead time, rate limit and end stops; gives the drive's input."""
+    if plant.engine_dead_time > 0.0:
+        memory.demands[memory.cursor % HISTORY] = demand
+        demand = _delayed(memory.demands, memory.cursor, plant.engine_dead_time / dt)
+    memory.rack = rack_position(plant, demand, memory.rack, dt)
+    return float(memory.rack)
+
+
+@compiled
+def read_instruments(plant: Record, memory: Record, outputs: Outputs, dt: float) -> None:
+    """Let the instruments and the memories see the outputs of this instant.
+
+    Seeing the same instant twice changes nothing.
+    """
+    memory.blade_pitch = outputs.pitch_ratio
+    if can_ventilate(plant):
+        memory.ventilated = ventilation_state(
+            plant, memory.ventilated != 0, outputs.submergence, outputs.thrust_coefficient
+        )
+    memory.pitch_ratio = outputs.pitch_ratio + plant.pitch_sensor_offset
+    torque = outputs.shaft_torque
+    if plant.torque_sensor_delay > 0.0:
+        memory.torques[memory.cursor % HISTORY] = torque
+        torque = _delayed(memory.torques, memory.cursor, plant.torque_sensor_delay / dt)
+    memory.shaft_torque = plant.torque_sensor_gain * torque + plant.torque_sensor_bias
+
+
+@compiled
+def end_step(plant: Record, memory: Record, ship_speed: float, dt: float) -> None:
+    """Count the step and let the speed log follow."""
+    memory.cursor += 1
+    if plant.speed_log_lag > 0.0:
+        share = 1.0 - math.exp(-dt / plant.speed_log_lag)
+        memory.speed_log += share * (ship_speed - memory.speed_log)
+    else:
+        memory.speed_log = ship_speed
+
+
+@compiled
+def settle(
+    plant: Record, memory: Record, state: State, outputs: Outputs, demand: float, dt: float
+) -> None:
+    """Fill the memories as if the plant had been in this state for ever."""
+    memory.rack = demand
+    memory.ventilated = 0
+    memory.cursor = 0
+    memory.demands[:] = demand
+    memory.torques[:] = outputs.shaft_torque
+    memory.speed_log = state.ship_speed
+    read_instruments(plant, memory, outputs, dt)

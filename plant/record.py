@@ -1,0 +1,55 @@
+"""The kernels' record of a ship: its fields, put together from the sections, and how a ship fills it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from .actuators import PitchActuator
+from .drives import DRIVES
+from .hull import Hull
+from .keys import Section, record_field
+from .memory import Sensors
+from .propeller import Propeller
+from .shaft import Transmission
+from .surroundings import Integration, Water
+from .unexplained import Unexplained
+from .ventilation import Ventilation
+
+SECTIONS: tuple[type[Section], ...] = (
+    Water, Hull, Propeller, Ventilation, *DRIVES, Transmission, PitchActuator, Sensors, Integration,
+    Unexplained,
+)  # fmt: skip
+"""Every section whose numbers the kernels read."""
+
+
+def _plant_dtype() -> np.dtype[Any]:
+    fields: dict[str, tuple[Any, ...]] = {}
+    for section in SECTIONS:
+        for info in section.model_fields.values():
+            if (name := record_field(info)) is not None:
+                fields[name] = (name, np.float64)
+        fields |= {field[0]: field for field in section.derived}
+    fields["drive_min"] = ("drive_min", np.float64)
+    fields["prime_mover"] = ("prime_mover", np.int64)
+    return np.dtype(list(fields.values()), align=True)
+
+
+PLANT = _plant_dtype()
+"""Structured dtype of a ship in the kernels; an array of it is a batch of ships."""
+
+
+def record_of(sections: Iterable[Section], prime_mover: int) -> Any:
+    """The record of a ship: one element of dtype :data:`PLANT`.
+
+    Args:
+        sections: of the ship.
+        prime_mover: code of its kind.
+    """
+    record = np.zeros(1, PLANT)[0]
+    for section in sections:
+        section.fill(record)
+    record["prime_mover"] = prime_mover
+    return record

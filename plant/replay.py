@@ -1,0 +1,170 @@
+"""A recording replayed: a ship driven open loop by the recording's inputs, once or again and again."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .columns import MEASURED, ON_ANY_SHIP, TIME, drive_column, input_columns
+from .dynamics import settled
+from .hull import wake_inflow, water_speed
+from .memory import MEMORY
+from .recording import RecordingError
+from .ship import Ship
+from .signals import SAMPLE
+from .simulation import trajectory
+from .state import STATE, Inputs, State
+from .steady_state import equilibrium
+from .waves import calm
+
+WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
+"""Columns of what the water does, which act where a recording has them."""
+
+_START = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
+
+
+class Replay:
+    """One recording's inputs, ready to drive a ship many times.
+
+    Demands are held between rows; submergence and measured inflow are linear between them. The inflow at
+    the propeller is then the measured one, whatever wake or current the ship's record has.
+
+    Args:
+        ship: the ship.
+        table: canonical columns at an even interval, all finite.
+        start_over_s: the first pitch ratio, shaft speed and ship speed are the measured ones, averaged
+            over this long; 0 takes the first row's. What was not measured is that of the steady state at
+            the first row's demands.
+
+    Raises:
+        RecordingError: no state to start from, or a measured inflow at a hull that moves without a ship
+            speed beside it.
+        ShipError: a delay or motor that does not fit the time step.
+    """
+
+    def __init__(self, ship: Ship, table: pd.DataFrame, start_over_s: float = 0.0) -> None:
+        self.ship = ship
+        self.table = table
+        time = self._column(TIME)
+        self.rows = len(time)
+        self.interval_s = float((time[-1] - time[0]) / (self.rows - 1))
+        self.time_s = time - time[0]
+        self.per_row = max(1, math.ceil(self.interval_s / ship.time_step_s - 1e-9))
+        self.dt = self.interval_s / self.per_row
+        ship.with_values({"integration.time_step_s": self.dt})  # for its checks
+        self.drive_rows = self._column(drive_column(ship))
+        self.command = np.full(self.rows, ship.propeller.pitch_ratio_max)
+        if ship.has_variable_pitch and "pitch_ratio_command" in table:
+            self.command = self._column("pitch_ratio_command")
+        self.drive, self.pitch = self._held(self.drive_rows), self._held(self.command)
+        self.elevation_rows = np.zeros(self.rows)
+        if WATER[0] in table:
+            self.elevation_rows = self._column(WATER[0]) - ship.propeller.depth_m
+        self._met = self._column(WATER[1]) if WATER[1] in table else None
+        self._speed = np.zeros(self.rows)
+        if self._met is not None and ship.moves:
+            if "ship_speed_m_s" not in table:
+                raise RecordingError("inflow_velocity_m_s asks for ship_speed_m_s beside it")
+            self._speed = self._column("ship_speed_m_s")
+        self.elevation = self._continuous(self.elevation_rows)
+        self.resistance_factor = np.ones(2 * len(self.drive) + 1)
+        self.channels = [column for column in MEASURED if column in table]
+        self.start = self._first_state(start_over_s)
+        self._samples = np.zeros(len(self.drive) + 1, SAMPLE)
+
+    def _column(self, name: str) -> NDArray[np.float64]:
+        return np.asarray(self.table[name], dtype=np.float64)
+
+    def _held(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.ascontiguousarray(np.repeat(rows[:-1], self.per_row))
+
+    def _continuous(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        fine = np.arange(2 * (self.rows - 1) * self.per_row + 1) * (0.5 * self.dt)
+        return np.ascontiguousarray(np.interp(fine, self.time_s, rows))
+
+    def _first_state(self, over_s: float) -> tuple[float, float, float]:
+        """Pitch ratio, shaft speed and ship speed to start from."""
+        count = max(1, min(round(over_s / self.interval_s), self.rows // 20))
+        first = {c: float(self._column(c)[:count].mean()) for c in _START if c in self.table}
+        if not self.ship.moves:
+            first["ship_speed_m_s"] = 0.0
+        if not self.ship.has_variable_pitch:
+            first["pitch_ratio"] = self.ship.propeller.pitch_ratio_max
+        if len(first) < len(_START):
+            try:
+                state = equilibrium(self.ship, float(self.drive[0]), float(self.pitch[0])).state
+            except ValueError as error:
+                lacking = [column for column in _START if column not in first]
+                raise RecordingError(
+                    f"the recording has no {', '.join(lacking)} to start from, and {error}"
+                ) from None
+            steady = (state.pitch_ratio, state.shaft_speed, state.ship_speed)
+            first = dict(zip(_START, steady, strict=True)) | first
+        pitch, shaft, speed = (first[column] for column in _START)
+        return pitch, shaft, speed
+
+    def inflow_rows(self, plant: Any) -> NDArray[np.float64]:
+        """Disturbance u_x [m/s] at the rows that brings the inflow to the measured one; else 0.
+
+        Args:
+            plant: ship record.
+        """
+        if self._met is None:
+            return np.zeros(self.rows)
+        nominal = [wake_inflow(plant, water_speed(plant, speed)) for speed in self._speed]
+        return np.asarray(self._met - np.array(nominal))
+
+    def simulate(
+        self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None
+    ) -> NDArray[Any]:
+        """Samples at the recording's rows under a ship record; SAMPLE array of shape (rows,).
+
+        Args:
+            plant: ship record.
+            start: pitch ratio, shaft speed and ship speed at the first row; ``self.start`` by default.
+            sea: SEA record, or None for calm water.
+        """
+        inflow = self.inflow_rows(plant)
+        inputs = Inputs(
+            float(self.drive[0]), float(self.pitch[0]), float(inflow[0]),
+            elevation=float(self.elevation[0]),
+        )  # fmt: skip
+        bare = State(*map(float, self.start if start is None else start))
+        state = np.zeros(1, STATE)
+        state[0] = tuple(settled(plant, bare, inputs))
+        trajectory(
+            plant, state[0], np.zeros(1, MEMORY)[0], calm() if sea is None else sea.copy(),
+            self.drive, self.pitch, self._continuous(inflow), self.elevation,
+            self.resistance_factor, self.dt, self._samples,
+        )  # fmt: skip
+        return self._samples[:: self.per_row].copy()
+
+
+def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> pd.DataFrame:
+    """Drive a ship open loop with a recording's inputs, from its first row's state.
+
+    Args:
+        ship: the ship.
+        recording: from :func:`shaftline.plant.read_recording`. Its ``propeller_submergence_m`` and
+            ``inflow_velocity_m_s`` (measured advance velocity) act where it has them, on top of ``sea``.
+        sea: SEA record from :func:`shaftline.plant.realise`, or None for calm water.
+
+    Returns:
+        The same time base and canonical columns: the inputs as given, everything else simulated.
+        Thrust and motor current are there where the recording has them.
+
+    Raises:
+        RecordingError: as of :class:`Replay`.
+        ShipError: likewise.
+    """
+    samples = Replay(ship, recording).simulate(ship.record(), sea=sea)
+    given = [*input_columns(ship), *WATER]
+    columns: dict[str, Any] = {c: recording[c] for c in given if c in recording}
+    columns |= {
+        c: samples[name] for c, name in MEASURED.items() if c in ON_ANY_SHIP or c in recording
+    }
+    return pd.DataFrame(columns)

@@ -1,0 +1,112 @@
+"""Ships as TOML files: those that come with the package, and one's own."""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import get_args
+
+import tomli_w
+from pydantic import BaseModel
+
+from ..core.files import write_text
+from .keys import allowed_range, unit_of
+from .ship import Ship
+from .ship_errors import ShipError, kinds, tag_of, validated
+
+
+def ship_names() -> list[str]:
+    """Names of the ships that come with the package."""
+    folder = resources.files("shaftline.plant").joinpath("ships")
+    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+@functools.lru_cache(maxsize=64)
+def _load_preset(name: str) -> Ship:
+    file = resources.files("shaftline.plant").joinpath(f"ships/{name}.toml")
+    return _parsed(file.read_text(encoding="utf-8"), f"{name}.toml")
+
+
+def load_ship(ship: str | Path | Ship) -> Ship:
+    """A ship by preset name or by the path of a TOML file.
+
+    Args:
+        ship: name (see :func:`ship_names`), path ending in ``.toml``, or a Ship, returned as it is.
+
+    Raises:
+        ShipError: unknown name, unreadable file, or a value that is missing, unknown, of the wrong
+            type or out of range; the message names file, key, unit and allowed range.
+    """
+    if isinstance(ship, Ship):
+        return ship
+    if isinstance(ship, str) and ship in ship_names():
+        return _load_preset(ship)
+    path = Path(ship)
+    if path.suffix != ".toml":
+        raise ShipError(
+            f"unknown ship {str(ship)!r}; known ships: {', '.join(ship_names())}; "
+            "or give the path of a .toml file"
+        )
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ShipError(f"{path}: cannot be read: {error}") from None
+    return _parsed(text, str(path))
+
+
+def _parsed(text: str, source: str) -> Ship:
+    try:
+        tree = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ShipError(f"{source}: not valid TOML: {error}") from None
+    return validated(Ship, tree, source)
+
+
+def write_ship(ship: Ship, path: Path) -> Path:
+    """Write a ship as a TOML file that :func:`load_ship` reads back to an equal ship.
+
+    Keys that were left out stay out; the comments of a file that it came from are lost.
+
+    Args:
+        ship: the ship.
+        path: ending in ``.toml``; its folder is made where needed.
+
+    Returns:
+        The same path.
+
+    Raises:
+        ValueError: the path does not end in ``.toml``.
+        OSError: the file cannot be written.
+    """
+    if path.suffix != ".toml":
+        raise ValueError(f"{path}: a ship's file ends in .toml")
+    write_text(path, tomli_w.dumps(ship.model_dump(exclude_unset=True, exclude_none=True)))
+    return path
+
+
+def ship_keys() -> list[tuple[str, str, str, str, str]]:
+    """Every key of a ship file: dotted name, unit, allowed range, default, description."""
+    rows = []
+    for section, info in Ship.model_fields.items():
+        members = kinds(info.annotation)
+        options = [k for k in members if isinstance(k, type) and issubclass(k, BaseModel)]
+        for kind in options:
+            for key, field in kind.model_fields.items():
+                label = f"{section}.{key}"
+                if len(options) > 1 and key != "type":
+                    label += f" ({tag_of(kind)})"
+                names = [str(a) for a in get_args(field.annotation) if isinstance(a, str)]
+                allowed = ", ".join(names) or ("true, false" if field.annotation is bool else "")
+                default = "required" if field.is_required() else f"{field.default}"
+                rows.append(
+                    (
+                        label,
+                        unit_of(field),
+                        allowed or allowed_range(field),
+                        default,
+                        field.description or "",
+                    )
+                )
+    return rows

@@ -1,0 +1,165 @@
+"""The plant's continuous states, declared once, and what acts on it and comes out at one instant.
+
+A new state is a field of :class:`State` and its rate in :mod:`.dynamics`; the record, its copies, the
+initial state and the linear model follow from the declaration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import numpy as np
+
+from ..core.compiled import Real, Record, compiled, spelled_out
+from .ventilation import can_ventilate
+
+
+class Where(NamedTuple):
+    """A state that a ship has where its record says so."""
+
+    exists: Callable[[Record], bool]
+
+
+class Lag(NamedTuple):
+    """A state that follows the others with a lag, and is there where the lag is above 0."""
+
+    field: str  # of the ship's record
+
+
+class State(NamedTuple):
+    """Continuous states of the plant. Those of absent effects stay at 0."""
+
+    pitch_ratio: Annotated[
+        Real, Where(lambda plant: plant["pitch_ratio_min"] < plant["pitch_ratio_max"])
+    ]  # of the actuator [-]
+    shaft_speed: Real  # omega [rad/s]
+    ship_speed: Annotated[Real, Where(lambda plant: plant["hull_fixed"] == 0)]  # over ground [m/s]
+    # nothing depends on the position but the phase of the waves
+    position: Annotated[Real, Where(lambda plant: False)] = 0.0  # along the track [m]
+    brake_torque: Annotated[Real, Lag("engine_lag")] = 0.0  # of a diesel with lag [N m]
+    inflow: Annotated[Real, Lag("inflow_lag")] = 0.0  # advance velocity where it lags [m/s]
+    ventilation: Annotated[Real, Where(can_ventilate)] = 0.0  # degree of ventilation [-]
+    motor_current: Annotated[Real, Lag("armature_inductance")] = 0.0  # where it has dynamics [A]
+
+
+def _declared() -> dict[str, Where | Lag]:
+    hints = get_type_hints(State, include_extras=True)
+    found = {}
+    for name in State._fields:
+        marks = getattr(hints[name], "__metadata__", ())
+        found[name] = marks[0] if marks else Where(lambda plant: True)
+    return found
+
+
+_DECLARED = _declared()
+
+LAGS = {name: mark.field for name, mark in _DECLARED.items() if isinstance(mark, Lag)}
+"""States that lag, and the field of the ship's record that holds the lag."""
+
+
+def active_states(plant: Any) -> list[str]:
+    """Names of the states that a ship has, given its record."""
+    return [
+        name
+        for name, mark in _DECLARED.items()
+        if (plant[mark.field] > 0.0 if isinstance(mark, Lag) else mark.exists(plant))
+    ]
+
+
+def without_lags(plant: Any) -> Any:
+    """A copy of a ship's record in which every state that lags follows at once."""
+    prompt = plant.copy()
+    for field in LAGS.values():
+        prompt[field] = 0.0
+    return prompt
+
+
+STATE = np.dtype([(name, np.float64) for name in State._fields], align=True)
+
+moved: Callable[[State, State, float], State] = spelled_out(
+    """
+def moved(state, rate, h):
+    return State(
+        state.{field} + h * rate.{field},
+    )
+""",
+    State._fields,
+    globals(),
+)
+"""The state after ``h`` [s] at a rate: :math:`x + h \\dot x`."""
+
+get_state: Callable[[Record], State] = spelled_out(
+    """
+def get_state(record):
+    return State(
+        record.{field},
+    )
+""",
+    State._fields,
+    globals(),
+)
+"""State of a STATE record."""
+
+set_state: Callable[[Record, State], None] = spelled_out(
+    """
+def set_state(record, state):
+    record.{field} = state.{field}
+""",
+    State._fields,
+    globals(),
+)
+"""Write a state into a STATE record."""
+
+
+LAGGING = State(*(1.0 if name in LAGS else 0.0 for name in State._fields))
+"""1 for each state that lags, 0 for the others."""
+
+
+@compiled
+def _root(x: float, rate: float, rate_beside: float, lags: float) -> float:
+    """Where the rate of a lag vanishes, from the rates at ``x`` and ``x + 1``."""
+    slope = rate_beside - rate
+    return x - rate / slope if lags > 0.0 and slope != 0.0 else x
+
+
+without_rates: Callable[[State, State, State], State] = spelled_out(
+    """
+def without_rates(state, rate, rate_beside):
+    return State(
+        _root(state.{field}, rate.{field}, rate_beside.{field}, LAGGING.{field}),
+    )
+""",
+    State._fields,
+    globals(),
+)
+"""The state with its lags where their rates vanish, from the rates here and at ``state + LAGGING``."""
+
+
+class Inputs(NamedTuple):
+    """What acts on the plant at one instant."""
+
+    drive: Real  # fuel rack [mm], voltage [V] or torque [N m]
+    pitch_command: Real  # P/D [-]
+    inflow: Real = 0.0  # disturbance u_x of the advance velocity [m/s]
+    inflow_slope: float = 0.0  # of the wave field along the track [1/s]
+    inflow_position: float = 0.0  # where ``inflow`` holds [m]
+    elevation: Real = 0.0  # of the surface above the propeller [m]
+    resistance_factor: Real = 1.0  # d_c1 [-]
+    time: Real = 0.0  # since the start [s]
+
+
+class Outputs(NamedTuple):
+    """Algebraic quantities of the plant at one instant."""
+
+    pitch_ratio: Real  # of the blades [-]
+    advance_velocity: Real  # v_a [m/s]
+    thrust: Real  # of one propeller [N]
+    propeller_torque: Real  # M_p [N m]
+    shaft_torque: Real  # M_m at the gauge [N m]
+    brake_torque: Real  # M_b [N m]
+    shaft_acceleration: Real  # [rad/s2]
+    resistance: Real  # R [N]
+    motor_current: Real  # [A]
+    thrust_coefficient: Real  # KT [-] without air
+    submergence: Real  # of the propeller's centre [m]

@@ -1,0 +1,164 @@
+"""The plant's only step in time: classic Runge-Kutta with waves, memories and instruments."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ..core.compiled import Record, compiled
+from .dynamics import evaluate
+from .hull import episode_factor
+from .memory import begin_step, end_step, read_instruments, settle
+from .state import Inputs, Outputs, State, get_state, moved, set_state
+from .waves import SYNC_STEPS, WaveMotion, motion, synchronise, turn
+
+
+class Disturbance(NamedTuple):
+    """What acts on the ship at one instant besides its commands and its sea."""
+
+    inflow: float  # u_x [m/s]
+    elevation: float  # of the surface above the propeller [m]
+    resistance_factor: float  # d_c1 [-]
+
+
+UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
+
+
+@compiled
+def _inputs(
+    drive: float,
+    pitch_command: float,
+    disturbance: Disturbance,
+    wave: WaveMotion,
+    episode: float,
+    time: float,
+) -> Inputs:
+    return Inputs(
+        drive,
+        pitch_command,
+        disturbance.inflow + wave.inflow,
+        wave.inflow_slope,
+        wave.position,
+        disturbance.elevation + wave.elevation,
+        disturbance.resistance_factor * episode,
+        time,
+    )
+
+
+@compiled
+def runge_kutta(
+    plant: Record,
+    state: State,
+    k1: State,
+    middle: Inputs,
+    end: Inputs,
+    blade_before: float,
+    ventilated: bool,
+    dt: float,
+) -> State:
+    """One classic fourth-order Runge-Kutta step of length ``dt`` [s] from the derivative ``k1``."""
+    k2, _ = evaluate(plant, moved(state, k1, 0.5 * dt), middle, blade_before, ventilated)
+    k3, _ = evaluate(plant, moved(state, k2, 0.5 * dt), middle, blade_before, ventilated)
+    k4, _ = evaluate(plant, moved(state, k3, dt), end, blade_before, ventilated)
+    following = moved(state, k1, dt / 6.0)
+    following = moved(following, k2, dt / 3.0)
+    following = moved(following, k3, dt / 3.0)
+    return moved(following, k4, dt / 6.0)
+
+
+@compiled
+def step(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: float,
+    pitch_command: float,
+    start: Disturbance,
+    middle: Disturbance,
+    end: Disturbance,
+    dt: float,
+) -> Outputs:
+    """Carry one ship over one time step; state, memory and sea are changed in place.
+
+    Args:
+        plant: PLANT record.
+        state: STATE record.
+        memory: MEMORY record.
+        sea: SEA record; its phasors are set anew every ``SYNC_STEPS`` steps.
+        drive: demand on the prime mover [mm | V | N m], held over the step.
+        pitch_command: commanded P/D [-], held over the step.
+        start: disturbance at the step's start, added to the sea's.
+        middle: at its middle.
+        end: at its end.
+        dt: [s].
+
+    Returns:
+        The outputs at the step's start, with the new commands acting; the memory holds the
+        instruments' readings of that instant.
+    """
+    now = get_state(state)
+    delivered = begin_step(plant, memory, drive, dt)
+    time = memory.cursor * dt
+    episode = episode_factor(plant, time, dt)
+    if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
+        synchronise(sea, time, now.position, now.ship_speed, 0.5 * dt)
+    wave = motion(sea, now.position)
+    first = _inputs(delivered, pitch_command, start, wave, episode, time)
+    if sea.present != 0:
+        turn(sea, 0.5 * dt)
+        wave = motion(sea, now.position)
+    second = _inputs(delivered, pitch_command, middle, wave, episode, time + 0.5 * dt)
+    if sea.present != 0:
+        turn(sea, 0.5 * dt)
+        wave = motion(sea, now.position)
+    third = _inputs(delivered, pitch_command, end, wave, episode, time + dt)
+    blade = memory.blade_pitch
+    ventilated = memory.ventilated != 0
+    rate, outputs = evaluate(plant, now, first, blade, ventilated)
+    read_instruments(plant, memory, outputs, dt)
+    following = runge_kutta(plant, now, rate, second, third, blade, ventilated, dt)
+    set_state(state, following)
+    end_step(plant, memory, following.ship_speed, dt)
+    return outputs
+
+
+@compiled
+def observe(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    pitch_command: float,
+    disturbance: Disturbance,
+    dt: float,
+) -> Outputs:
+    """Outputs at the present instant under the last drive input; the instruments read them."""
+    now = get_state(state)
+    wave = motion(sea, now.position)
+    time = memory.cursor * dt
+    episode = episode_factor(plant, time, dt)
+    inputs = _inputs(memory.rack, pitch_command, disturbance, wave, episode, time)
+    _, outputs = evaluate(plant, now, inputs, memory.blade_pitch, memory.ventilated != 0)
+    read_instruments(plant, memory, outputs, dt)
+    return outputs
+
+
+@compiled
+def prepare(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    drive: float,
+    disturbance: Disturbance,
+    dt: float,
+) -> None:
+    """Start at time 0: the sea synchronised, the memories settled on the initial state."""
+    now = get_state(state)
+    if sea.present != 0:
+        synchronise(sea, 0.0, now.position, now.ship_speed, 0.5 * dt)
+    wave = motion(sea, now.position)
+    episode = episode_factor(plant, 0.0, dt)
+    inputs = _inputs(drive, now.pitch_ratio, disturbance, wave, episode, 0.0)
+    _, outputs = evaluate(plant, now, inputs, now.pitch_ratio, False)
+    settle(plant, memory, now, outputs, drive, dt)

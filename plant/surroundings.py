@@ -1,0 +1,17 @@
+"""The water that a ship sails in, and the time step in which it is simulated."""
+
+from __future__ import annotations
+
+from .keys import Section, number
+
+
+class Water(Section):
+    """The water that the ship sails in."""
+
+    density_kg_m3: float = number("density", "kg/m3", record="density", ge=990, le=1035)
+
+
+class Integration(Section):
+    """Fixed-step integration."""
+
+    time_step_s: float = number("RK4 step", "s", record="time_step", gt=0, le=0.5, default=0.05)
