@@ -49,10 +49,8 @@ def _loads_at(
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
         state = State(pitch_ratio[k], shaft_speed[k], ship_speed[k])
-        acting = loads(
-            plant, state, Inputs(rack, pitch_ratio[k], inflow[k], elevation=elevation[k]),
-            pitch_ratio[k],
-        )  # fmt: skip
+        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k])
+        acting = loads(plant, state, acts, pitch_ratio[k])
         drive_torque[k] = acting.drive_torque
         load_torque[k] = acting.load_torque
         thrust[k] = acting.thrust

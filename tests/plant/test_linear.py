@@ -84,7 +84,8 @@ def thesis_model(point: Equilibrium) -> tuple[NDArray[np.float64], ...]:
 
 
 def central_differences(ship: Ship, point: Equilibrium) -> tuple[NDArray[np.float64], ...]:
-    plant, states = ship.record(), active_states(ship)
+    plant = ship.record()
+    states = active_states(plant)
 
     def values(state: State, inputs: Any) -> NDArray[np.float64]:
         rate, out = evaluate(plant, state, inputs, point.outputs.pitch_ratio, False)
