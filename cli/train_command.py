@@ -11,12 +11,11 @@ import pandas as pd
 import typer
 
 from ..agents import load
-from ..envs import get_task, tasks
+from ..envs import DEFAULTS, get_task, tasks
 from ..observers import get_observer
 from ..plant import load_ship
 from .console import clear_errors, print_table, say, stages
 
-_OBSERVER = "random-walk-kalman"
 _CURVE = {
     "steps": "steps", "reward": "reward", "fuel_kg_nmi": "fuel [kg/nmi]",
     "speed_error_rms_m_s": "speed error rms [m/s]", "torque_sd_kN_m": "torque sd [kN m]",
@@ -131,7 +130,7 @@ def train(
             raise typer.Exit(130) from None
         if before == _legs(folder):
             say("nothing was left to do")
-        _print(policy, folder, task, plan.env_kwargs.get("observer", _OBSERVER))
+        _print(policy, folder, task, plan.env_kwargs.get("observer", DEFAULTS.observer))
 
 
 def _learning() -> tuple[Any, Any]:
@@ -174,7 +173,7 @@ def _print(path: Path, folder: Path, task: str, observer: str) -> None:
     )
     say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
     say("compare it with a classic controller:")
-    other = "" if observer == _OBSERVER else f" --observer {observer}"
+    other = "" if observer == DEFAULTS.observer else f" --observer {observer}"
     say(
         f"  shaftline evaluate --controller policy:{path} --controller combinator "
         f"--task {task}{other}"

@@ -3,6 +3,8 @@
 from gymnasium.envs.registration import register, registry
 
 from .frigate import FrigateEnv, FrigateVectorEnv
+from .rewards import TERMS, Weights
+from .settings import DEFAULTS, Settings
 from .tasks import Task, get_task, tasks
 
 if "shaftline/Frigate-v0" not in registry:
@@ -12,4 +14,7 @@ if "shaftline/Frigate-v0" not in registry:
         vector_entry_point="shaftline.envs.frigate:FrigateVectorEnv",
     )
 
-__all__ = ["FrigateEnv", "FrigateVectorEnv", "Task", "get_task", "tasks"]
+__all__ = [
+    "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Settings", "Task", "Weights",
+    "get_task", "tasks",
+]  # fmt: skip

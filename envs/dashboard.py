@@ -10,24 +10,33 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .batch import Fleet
+from .batch import Batch
 
 _SHOWN_S = 120.0
 _DARK, _RED, _GREY = "#1f2a44", "#d1495b", "#8d99ae"
+_PANELS = (
+    ("ship speed and order [m/s]", (("speed_order", _GREY), ("measured_ship_speed", _DARK)), 1.0),
+    ("shaft speed [rad/s]", (("shaft_speed", _DARK),), 1.0),
+    ("shaft torque [kN m]", (("measured_shaft_torque", _DARK),), 1e-3),
+    ("pitch ratio [-]", (("measured_pitch_ratio", _DARK),), 1.0),
+    ("fuel rack [mm]", (("fuel_rack", _DARK),), 1.0),
+    ("v_a true, estimated [m/s]",
+     (("true_advance_velocity", _DARK), ("estimated_advance_velocity", _RED)), 1.0),
+)  # fmt: skip
+"""Title, signals of the observation (or the true inflow) with their colours, and factor."""
 
 
 class Dashboard:
     """Keeps the last two minutes of an environment and draws them.
 
     Args:
-        fleet: of one environment.
-        interval_s: control interval [s].
+        batch: of one environment.
     """
 
-    def __init__(self, fleet: Fleet, interval_s: float) -> None:
-        self.fleet = fleet
-        self.interval_s = interval_s
-        self.rows: deque[list[float]] = deque(maxlen=max(2, round(_SHOWN_S / interval_s)))
+    def __init__(self, batch: Batch) -> None:
+        self.batch = batch
+        rows = max(2, round(_SHOWN_S / batch.interval_s))
+        self.rows: deque[dict[str, float]] = deque(maxlen=rows)
 
     def clear(self) -> None:
         """Forget the last episode."""
@@ -35,27 +44,22 @@ class Dashboard:
 
     def record(self) -> None:
         """Remember the present instant."""
-        time = float(self.fleet.episodes[0]["elapsed"]) * self.interval_s
-        seen = self.fleet.observation[0].tolist()
-        self.rows.append([time, *seen, *self.fleet.truth[0].tolist()])
+        arrays = self.batch.arrays
+        seen = arrays.observations[0]
+        row = {name: float(seen[name]) for name in seen.dtype.names}
+        row["time"] = float(self.batch.elapsed[0]) * self.batch.interval_s
+        row["true_advance_velocity"] = float(arrays.truths[0]["advance_velocity"])
+        self.rows.append(row)
 
     def draw(self) -> NDArray[np.uint8]:
         """RGB array of shape (480, 800, 3)."""
         figure = Figure(figsize=(8.0, 4.8), dpi=100, layout="constrained")
         canvas: Any = FigureCanvasAgg(figure)
         axes = figure.subplots(2, 3)
-        table = np.array(self.rows) if self.rows else np.zeros((1, 13))
-        time = table[:, 0]
-        panels: tuple[tuple[str, list[tuple[Any, str]]], ...] = (
-            ("ship speed and order [m/s]", [(table[:, 1], _GREY), (table[:, 6], _DARK)]),
-            ("shaft speed [rad/s]", [(table[:, 2], _DARK)]),
-            ("shaft torque [kN m]", [(table[:, 3] * 1e-3, _DARK)]),
-            ("pitch ratio [-]", [(table[:, 4], _DARK)]),
-            ("fuel rack [mm]", [(table[:, 5], _DARK)]),
-            ("v_a true, estimated [m/s]", [(table[:, 9], _DARK), (table[:, 7], _RED)]),
-        )
-        for axis, (title, lines) in zip(axes.flat, panels, strict=True):
-            for values, color in lines:
+        time = [row["time"] for row in self.rows] or [0.0]
+        for axis, (title, lines, factor) in zip(axes.flat, _PANELS, strict=True):
+            for name, color in lines:
+                values = [factor * row[name] for row in self.rows] or [0.0]
                 axis.plot(time, values, color=color, linewidth=1)
             axis.set_title(title, fontsize=8)
             axis.tick_params(labelsize=7)

@@ -9,7 +9,7 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
 from .frigate import FrigateVectorEnv
-from .kernel import TRUTH
+from .records import TRUTHS
 
 
 class Sb3Frigates(VecEnv):
@@ -56,7 +56,7 @@ class Sb3Frigates(VecEnv):
         for i in np.flatnonzero(done):
             infos[i]["terminal_observation"] = info["final_obs"][i]
             infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
-            infos[i].update({name: float(info[name][i]) for name in TRUTH})
+            infos[i].update({name: float(info[name][i]) for name in TRUTHS})
         return observation, reward.astype(np.float32), done, infos
 
     def close(self) -> None:

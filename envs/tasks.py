@@ -9,40 +9,11 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from .rewards import Weights
+
 
 class _Model(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Weights(_Model):
-    """Weight of each reward term, per its physical unit and control interval."""
-
-    speed_error_m_s: float = Field(ge=0, description="|ship speed - order|")
-    fuel_kg_s: float = Field(ge=0, description="fuel flow of all engines")
-    overload: float = Field(
-        ge=0, description="engine torque asked for beyond the envelope, as share"
-    )
-    torque_rate_kN_m_s: float = Field(ge=0, description="mean |d M_m / dt| at the gauge")
-    rack_travel_mm: float = Field(ge=0, description="|change of the rack command|")
-    cavitation: float = Field(ge=0, description="thrust loading beyond Burrill's limit, as share")
-    overspeed: float = Field(ge=0, description="engine speed beyond its highest, as share")
-    speed_error_squared_m2_s2: float = Field(
-        0.0, ge=0, description="(ship speed - order)^2, which forgives the small"
-    )
-    torque_swing_kN_m: float = Field(
-        0.0,
-        ge=0,
-        description="|M_m - its mean over the last 20 s|: what a standard deviation counts",
-    )
-    failure: float = Field(
-        500.0,
-        ge=0,
-        description="once, where the engine stalls or trips: else ending early would pay",
-    )
-
-
-TERMS = tuple(Weights.model_fields)
-"""Reward terms, in the order of the kernels."""
 
 
 class HeldOut(_Model):

@@ -156,6 +156,16 @@ class Ship(Section):
             raise ShipError(f"{self.name}: needs a diesel, not {mover.type!r}")
         return mover
 
+    def value(self, dotted: str) -> float:
+        """The number that stands at a dotted key.
+
+        Raises:
+            ShipError: as of :meth:`key`.
+        """
+        self.key(dotted)
+        section, _, name = dotted.partition(".")
+        return float(getattr(getattr(self, section), name))
+
     def has_key(self, dotted: str) -> bool:
         """Whether a dotted key is a number of this ship."""
         try:

@@ -14,10 +14,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from ...baselines.controller import Controller
+from ...baselines.controller import Controller, readings
 from ...core.sweep import source_digest, sweep
-from ...envs import FrigateVectorEnv
-from ...envs.kernel import TRUTH
+from ...envs import DEFAULTS, FrigateVectorEnv
+from ...envs.records import TRUTHS
 from ...envs.tasks import Task
 from ...plant import load_ship
 from .episode_sums import EpisodeSums
@@ -58,9 +58,9 @@ class Setting:
     sea: str
     observer: str
     seeds: int
-    ship: str = "frigate"
-    episode_s: float = 300.0
-    sensor_noise: float = 1.0
+    ship: str = DEFAULTS.ship
+    episode_s: float = DEFAULTS.episode_s
+    sensor_noise: Any = DEFAULTS.sensor_noise
     task_model: Task | None = None
     first_seed: int = 0
 
@@ -89,7 +89,7 @@ def run(
 
     Returns:
         KPIs, one row a seed; and the first seed's episode, shape (intervals, 4 + 9 + 2): time [s],
-        order [m/s], pitch ratio, rack [mm], the environment's ``TRUTH``, estimate and its validity.
+        order [m/s], pitch ratio, rack [mm], the environment's ``TRUTHS``, estimate and its validity.
     """
     env = FrigateVectorEnv(
         setting.seeds,
@@ -101,34 +101,36 @@ def run(
         sensor_noise=setting.sensor_noise,
         episode_s=setting.episode_s,
     )
-    interval = env.fleet.steps * env.fleet.dt
-    gear = env.fleet.ship.transmission.gear_ratio
+    interval = env.batch.interval_s
+    gear = env.batch.ship.transmission.gear_ratio
     observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
     sums = EpisodeSums(setting.seeds)
     alive = np.ones(setting.seeds, dtype=bool)
     starting = alive.copy()
     state: Any = None
     trace: list[list[float]] = []
-    order = observation[:, 0].astype(float)
+    order = readings(observation).speed_order
     while alive.any():
         action, state = controller.predict(observation, state, starting, deterministic=True)
         observation, reward, terminated, truncated, info = env.step(action)
         sums.add(alive, info, reward, order, interval, gear)
         if alive[0]:
-            seen = info["final_obs"][0] if terminated[0] or truncated[0] else observation[0]
-            truth = [float(info[name][0]) for name in TRUTH]
+            last = info["final_obs"][0] if terminated[0] or truncated[0] else observation[0]
+            seen = readings(last)
+            truth = [float(info[name][0]) for name in TRUTHS]
             trace.append(
-                [len(trace) * interval, order[0], seen[3], seen[4], *truth, seen[6], seen[7]]
-            )
+                [len(trace) * interval, order[0], seen.pitch_ratio[0], seen.fuel_rack[0], *truth,
+                 seen.advance_velocity[0], seen.estimate_valid[0]]
+            )  # fmt: skip
         sums.failed |= alive & terminated
         starting = terminated | truncated
         alive &= ~starting
-        order = observation[:, 0].astype(float)
+        order = readings(observation).speed_order
     env.close()
     return sums.kpis(interval), np.array(trace, dtype=np.float64)
 
 
-TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTH, "estimate", "valid")
+TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTHS, "estimate", "valid")
 """Columns of an episode's trace."""
 
 _KPI_SOURCES = ("agents/evaluate/evaluation.py", "agents/evaluate/episode_sums.py")

@@ -10,16 +10,16 @@ from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from ...envs.sb3 import Sb3Frigates
-from ..policy.pilot_adapter import ANSWERS, FEATURES, Bridge, Reach
+from ..policy.pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
 from .privileged_critic import TOLD, told
 
 
-class Bridged(VecEnvWrapper):
+class PilotEnv(VecEnvWrapper):
     """Environments as a policy sees and commands them: features in, rates out."""
 
     def __init__(self, venv: Sb3Frigates, reach: Reach, telling: bool) -> None:
-        self.fleet = fleet = venv.vector.fleet
-        self.bridge = Bridge(fleet.ship, fleet.steps * fleet.dt, reach)
+        self.batch = batch = venv.vector.batch
+        self.adapter = PilotAdapter(batch.ship, batch.interval_s, reach)
         self._telling = telling
         width = len(FEATURES) + telling * len(TOLD)
         unbounded = spaces.Box(-np.inf, np.inf, (width,), np.float32)
@@ -33,17 +33,16 @@ class Bridged(VecEnvWrapper):
 
         Episodes that run in step would show an update only their beginnings, and the next their ends.
         """
-        features, self.memory = self.bridge.see(self.venv.reset())
-        vector = self.venv.vector  # type: ignore[attr-defined]
+        features, self.memory = self.adapter.see(self.venv.reset())
         share = np.arange(self.num_envs) / self.num_envs
-        self.fleet.episodes["elapsed"] = (share * vector.intervals).astype(np.int64)
+        self.batch.elapsed[:] = (share * self.batch.settings.intervals).astype(np.int64)
         self._features = features
         return self._with_told(features)
 
     def step_async(self, actions: Any) -> None:
         """Take the answers in."""
         begin = time.perf_counter()
-        self.venv.step_async(self.bridge.command(actions, self.memory, self._features))
+        self.venv.step_async(self.adapter.command(actions, self.memory, self._features))
         self.acting_s += time.perf_counter() - begin
 
     def step_wait(self) -> Any:
@@ -53,10 +52,10 @@ class Bridged(VecEnvWrapper):
         ended = np.flatnonzero(done)
         if len(ended):
             last = np.stack([infos[i]["terminal_observation"] for i in ended])
-            seen, _ = self.bridge.see(last, self.memory[ended])
+            seen, _ = self.adapter.see(last, self.memory[ended])
             for i, row in zip(ended, self._with_told(seen, self._told[ended]), strict=True):
                 infos[i]["terminal_observation"] = row
-        features, self.memory = self.bridge.see(observation, self.memory, done)
+        features, self.memory = self.adapter.see(observation, self.memory, done)
         self._features = features
         told_too = self._with_told(features)
         self.acting_s += time.perf_counter() - begin
@@ -67,5 +66,5 @@ class Bridged(VecEnvWrapper):
         if not self._telling:
             return features
         if columns is None:
-            columns = self._told = told(self.fleet)
+            columns = self._told = told(self.batch)
         return np.hstack([features, columns])

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import MlpExtractor
 
-from ...envs.batch import Fleet
+from ...envs.batch import Batch
+from ...envs.kernel import resistance_angle
 from ..policy.pilot_adapter import FEATURES
 
 TOLD = (
@@ -24,14 +25,14 @@ TOLD = (
 """What the critic is told beside :data:`~shaftline.agents.policy.pilot_adapter.FEATURES`."""
 
 
-def told(fleet: Fleet) -> NDArray[np.float32]:
+def told(batch: Batch) -> NDArray[np.float32]:
     """Columns of :data:`TOLD`, shape (n, 5)."""
-    episodes = fleet.episodes
-    time = episodes["elapsed"] * fleet.steps * fleet.dt
-    angle = episodes["resistance_frequency"] * time + episodes["resistance_phase"]
+    episodes = batch.arrays.episodes
+    time = batch.elapsed * batch.steps * batch.dt
+    angle = resistance_angle(episodes, time)
     swing = episodes["resistance_swing"]
     spent = np.mod(time / episodes["order_interval"], 1.0)
-    sea = np.sqrt(0.5 * np.sum(fleet.seas["amplitude"] ** 2, axis=1))
+    sea = np.sqrt(0.5 * np.sum(batch.arrays.seas["amplitude"] ** 2, axis=1))
     columns = (
         episodes["resistance_mean"],
         swing * np.sin(angle),
@@ -60,7 +61,7 @@ class _Extractor(MlpExtractor):
         return self.forward_actor(features), self.forward_critic(features)
 
 
-class AsymmetricPolicy(ActorCriticPolicy):
+class PrivilegedCriticPolicy(ActorCriticPolicy):
     """``MlpPolicy`` whose critic sees all columns and whose policy the first ones."""
 
     def _build_mlp_extractor(self) -> None:

@@ -15,13 +15,13 @@ from typing import Any, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from ...envs.tasks import Task, Weights, get_task
+from ...envs import Task, Weights, get_task
 from ..policy.pilot_adapter import Reach
 
 ALGORITHMS = ("ppo", "sac")
 _SET_HERE = {"env", "policy", "verbose", "seed", "device", "tensorboard_log", "_init_setup_model"}
 _TAKEN = {"num_envs", "task", "ship", "threads", "action_mode", "control_interval_s"}
-"""Keywords of the environment that are given elsewhere, or that judging and the bridge rest on."""
+"""Keywords of the environment that are given elsewhere, or that judging and the adapter rest on."""
 
 
 class RecipeError(ValueError):

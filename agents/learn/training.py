@@ -26,13 +26,15 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from ...core.files import write_json
 from ...core.sweep import refuse_another, source_digest
+from ...envs import DEFAULTS
 from ...envs.sb3 import Sb3Frigates
+from ...plant import load_ship
 from ..evaluate.evaluation import Setting, interquartile_mean, run
 from ..policy.pilot_adapter import ANSWERS, FEATURES
 from ..policy.policy import Network, Policy, layout
 from .checkpoints import Checkpoints
-from .pilot_env import Bridged
-from .privileged_critic import AsymmetricPolicy
+from .pilot_env import PilotEnv
+from .privileged_critic import PrivilegedCriticPolicy
 from .recipe import Recipe, RecipeError
 
 JUDGED_SEEDS = 24
@@ -98,7 +100,7 @@ def _built(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list
                     "clipped means"
                 )
             return model, falling
-        return PPO(AsymmetricPolicy, venv, seed=seed, device=device, **chosen), falling
+        return PPO(PrivilegedCriticPolicy, venv, seed=seed, device=device, **chosen), falling
     except (AssertionError, TypeError, ValueError) as error:
         raise RecipeError(f"{recipe.algorithm.upper()} refuses the recipe: {error}") from None
 
@@ -169,7 +171,11 @@ def train(
         ValueError: the folder holds a training of another recipe or seed.
     """
     source = source_digest("core", "plant", "observers", "baselines", "envs", *_SOURCES)
-    plan = {"recipe": recipe.model_dump(), "seed": seed, "ship": ship, "source": source}
+    content = hashlib.sha256(repr(load_ship(ship)).encode()).hexdigest()[:8]
+    plan = {
+        "recipe": recipe.model_dump(), "seed": seed, "ship": {"source": ship, "content": content},
+        "source": source,
+    }  # fmt: skip
     note = folder / "training.json"
     refuse_another(folder, note, plan, "training")
     progress = Checkpoints(folder)
@@ -183,17 +189,17 @@ def train(
     frigates = Sb3Frigates(
         recipe.n_envs, task=recipe.rewarded(), ship=ship, threads=threads, **recipe.env_kwargs
     )
-    bridged = Bridged(frigates, recipe.reach, telling=recipe.algorithm == "ppo")
+    piloted = PilotEnv(frigates, recipe.reach, telling=recipe.algorithm == "ppo")
     before = progress.legs[-1] if progress.legs else {"seconds": 0.0, "environment_share": 0.0}
     begin = time.perf_counter() - before["seconds"]
-    bridged.acting_s = before["seconds"] * before["environment_share"]
-    venv: Any = VecNormalize(bridged, norm_obs=recipe.normalize, norm_reward=recipe.normalize,
+    piloted.acting_s = before["seconds"] * before["environment_share"]
+    venv: Any = VecNormalize(piloted, norm_obs=recipe.normalize, norm_reward=recipe.normalize,
                              gamma=float(recipe.hyperparameters.get("gamma", 0.99)))  # fmt: skip
     set_random_seed(seed)
     model, falling = _built(recipe, venv, seed, device)
     write_json(note, plan)  # only now is it known that it can begin
     if progress.legs:
-        venv = VecNormalize.load(str(progress.normaliser), bridged)
+        venv = VecNormalize.load(str(progress.normaliser), piloted)
         kept = type(model).load(progress.model, env=venv, device=device)
         model.set_parameters(kept.get_parameters(), device=device)
         model.set_env(venv)
@@ -227,7 +233,7 @@ def train(
             spent = time.perf_counter() - begin
             progress.add(
                 {"steps": model.num_timesteps, **judged, "seconds": spent,
-                 "environment_share": bridged.acting_s / spent}
+                 "environment_share": piloted.acting_s / spent}
             )  # fmt: skip
             said[0] = f"reward {judged['reward']:.1f}"
             progress.keep(model, venv, policy)
@@ -247,11 +253,11 @@ def _legs(recipe: Recipe) -> tuple[int, int]:
 
 
 def _about(recipe: Recipe, seed: int, ship: str, frigates: Sb3Frigates) -> dict[str, Any]:
-    fleet = frigates.vector.fleet
+    batch = frigates.vector.batch
     return {
-        "layout": layout(fleet.ship),
+        "layout": layout(batch.ship),
         "ship_source": ship,
-        "control_interval_s": fleet.steps * fleet.dt,
+        "control_interval_s": batch.interval_s,
         "recipe": recipe.model_dump(),
         "seed": seed,
         "commit": commit(),
@@ -262,9 +268,9 @@ def _about(recipe: Recipe, seed: int, ship: str, frigates: Sb3Frigates) -> dict[
 def _judged(policy: Policy, recipe: Recipe, ship: str, threads: int | None) -> dict[str, float]:
     """Interquartile means on seas of its own, by the task's own reward."""
     setting = Setting(
-        "policy", recipe.task, "task", recipe.env_kwargs.get("observer", "random-walk-kalman"),
-        JUDGED_SEEDS, ship, recipe.env_kwargs.get("episode_s", 300.0),
-        recipe.env_kwargs.get("sensor_noise", 1.0), task_model=recipe.rewarded(),
+        "policy", recipe.task, "task", recipe.env_kwargs.get("observer", DEFAULTS.observer),
+        JUDGED_SEEDS, ship, recipe.env_kwargs.get("episode_s", DEFAULTS.episode_s),
+        recipe.env_kwargs.get("sensor_noise", DEFAULTS.sensor_noise), task_model=recipe.rewarded(),
     )  # fmt: skip
     kpis, _ = run(setting, policy, first_seed=FIRST_JUDGED_SEED, threads=threads)
     return {name: float(interquartile_mean(kpis[name])) for name in _SHOWN if name != "failed"} | {

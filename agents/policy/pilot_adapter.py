@@ -87,7 +87,7 @@ class Reach:
         return np.array([np.ravel(getattr(self, name))[-1] for name in ANSWERS])
 
 
-class Bridge:
+class PilotAdapter:
     """Between a policy and a ship.
 
     Args:
@@ -149,7 +149,10 @@ class Bridge:
         followed = self._slow * memory[:, _ANSWERS] + (1.0 - self._slow) * said
         memory[:, _ANSWERS] = followed
         settings = Settings(*(self.reach.middles + self.reach.spans * followed).T)
-        order, shaft_speed, torque = (features[:, i].astype(np.float64) for i in (0, 2, 3))
+        order, shaft_speed, torque = (
+            features[:, FEATURES.index(name)].astype(np.float64)
+            for name in ("speed_order", "shaft_speed", "shaft_torque")
+        )
         slowed = Slowed(
             memory[:, SIGNALS.index("speed_error")],
             memory[:, _MEAN_SPEED],

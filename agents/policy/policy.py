@@ -22,7 +22,7 @@ from ...baselines.controller import OBSERVED
 from ...core.files import write_atomically
 from ...envs.tasks import get_task
 from ...plant import Ship, load_ship
-from .pilot_adapter import ANSWERS, FEATURES, Bridge, Reach
+from .pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
 
 FORMAT = 1
 """Of the file; a policy of another is refused."""
@@ -120,7 +120,7 @@ class Policy:
         vessel = trained_on(about) if ship is None else ship
         if said := _differences(about.get("layout", {}), layout(vessel)):
             raise PolicyError("this policy does not fit: " + "; ".join(said))
-        self.bridge = Bridge(
+        self.adapter = PilotAdapter(
             vessel, float(about["control_interval_s"]), Reach(**about["recipe"]["reach"])
         )
 
@@ -132,12 +132,12 @@ class Policy:
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
         """Actions for one observation or a batch, and the memory for the next call."""
-        features, memory = self.bridge.see(observation, state, episode_start)
+        features, memory = self.adapter.see(observation, state, episode_start)
         answer = self.network(features)
         if not deterministic:
             noise = np.random.default_rng().standard_normal(answer.shape)
             answer = answer + np.exp(self.network.log_deviation) * noise.astype(np.float32)
-        action = self.bridge.command(answer, memory, features)
+        action = self.adapter.command(answer, memory, features)
         return (action if np.ndim(observation) > 1 else action[0]), memory
 
     def save(self, path: Path) -> None:

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ...baselines.combinator import Combinator
 from ...baselines.combinator_surface import combinator_surface
+from ...baselines.controller import readings
 from ...baselines.cpp_optimiser import CppOptimiser
 from ...envs.frigate import FrigateEnv
 from ...envs.tasks import get_task
@@ -36,24 +37,28 @@ def voyage(ship: Ship, controller: Any, speed: float, corrected: float) -> pd.Da
         One row per 0.5 s: time [s], ship speed [m/s], engine speed [rpm], P/D, SFOC [g/kWh], fuel
         flow [kg/s].
     """
-    orders = {"speed_order_m_s": (speed, speed), "order_interval_s": 2.0 * SECONDS}
     still = {"resistance_rise": (0.0, 0.0), "resistance_swing": 0.0, "seas": ("calm",)}
-    task = get_task("transit").model_dump() | orders | still
-    env = FrigateEnv(ship=ship, task=task, observer="oracle", sensor_noise=0.0, episode_s=SECONDS)
+    task = get_task("transit").model_dump() | still
+    # only the sea knows of the step
+    heavier = ship.with_values(
+        {"hull.episode_resistance_fraction": RISE - 1.0, "hull.episode_start_s": STEP_AT}
+    )
+    env = FrigateEnv(
+        ship=heavier, task=task, observer="oracle", sensor_noise=0.0, episode_s=SECONDS
+    )
     plant = ship.record()
-    observation, _ = env.reset(seed=0)
+    orders = {"speed_order_m_s": (speed, corrected), "order_interval_s": STEP_AT}
+    observation, _ = env.reset(seed=0, options=orders)
     remembered, rows = None, []
-    for k in range(env.intervals):
+    for k in range(env.batch.settings.intervals):
         time = 0.5 * k
-        if time == STEP_AT:
-            env.fleet.episodes["resistance_mean"] = RISE
-            env.fleet.episodes["orders"] = corrected
         action, remembered = controller.predict(observation, remembered, np.array([k == 0]))
         observation, _, _, _, info = env.step(action)
         engine = float(plant["gear_ratio"]) * info["shaft_speed"]
         sfoc = specific_consumption(plant, engine, info["brake_torque"])
-        rows.append((time + 0.5, info["ship_speed"], engine * 30.0 / math.pi, float(observation[3]),
-                     sfoc, info["fuel_flow"]))  # fmt: skip
+        pitch = float(readings(observation).pitch_ratio[0])
+        rpm = engine * 30.0 / math.pi
+        rows.append((time + 0.5, info["ship_speed"], rpm, pitch, sfoc, info["fuel_flow"]))
     names = [
         "time_s",
         "ship_speed_m_s",

@@ -18,6 +18,7 @@ from ...baselines.combinator import combinator_curve
 from ...baselines.controller import Controller
 from ...baselines.registry import make_controller
 from ...baselines.steady_points import steady_point
+from ...envs import DEFAULTS
 from ...envs.tasks import HELD_OUT, get_task
 from ...plant import Ship, load_ship
 
@@ -30,7 +31,7 @@ BASELINES = {
 
 POLICY = "policy"
 FIRST_SEED = 900_000
-OBSERVER = "random-walk-kalman"
+OBSERVER = DEFAULTS.observer
 ALL = "all"
 """In the place of a sea: the mean over the held-out seas, taken seed by seed."""
 
@@ -183,7 +184,7 @@ def compare(
 def _made(own: str, policy: Policy, ship: Ship, setting: Setting) -> Controller:
     if setting.controller == own:
         return policy
-    return make_controller(setting.controller, ship, policy.bridge.interval_s)
+    return make_controller(setting.controller, ship, policy.adapter.interval_s)
 
 
 def middle_of(quantity: str, values: Any) -> tuple[float, float, float]:

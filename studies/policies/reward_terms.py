@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from ...baselines.registry import make_controller
 from ...display import figures
 from ...envs import FrigateEnv, get_task, tasks
-from ...envs.tasks import TERMS
+from ...envs.rewards import TERMS
 from ...plant import load_ship
 
 SEED = 0

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from ...baselines.actions import decode
 from ...baselines.anti_spin import AntiSpin
+from ...baselines.controller import OBSERVED
 from ...baselines.torque_loss import estimated_propeller_torque
-from ...core.compiled import Record
+from ...core.compiled import Record, compiled
 from ...plant import Ship, equilibrium, get_sea, load_ship, realise
 from ...plant.memory import MEMORY
 from ...plant.state import STATE
@@ -22,14 +23,20 @@ from ...plant.stepping import Disturbance, observe, prepare, step
 from ...plant.waves import SEA
 
 INTERVAL_STEPS = 10
-# not cached: only the folders that hold kernels are watched for ones that have gone stale
-uncached = numba.njit(error_model="numpy")
 ORDER_M_S = 8.0
 RESISTANCE_FACTOR = 1.6
 """Over calm water's; assumed, since the plant knows no added resistance of waves."""
 
-TRUTH = ("thrust", "thrust_power", "power", "peak_power", "shaft_speed", "peak_speed", "ship_speed",
-         "ventilation", "propeller_torque", "rack")  # fmt: skip
+STORM = np.dtype(
+    [(name, np.float64) for name in (
+        "thrust", "thrust_power", "power", "peak_power", "shaft_speed", "peak_speed", "ship_speed",
+        "ventilation", "propeller_torque", "rack",
+    )]
+)  # fmt: skip
+"""What is true of a control interval; units as of :class:`Storm`."""
+
+READING = np.dtype([(name, np.float64) for name in OBSERVED])
+"""What the controller is shown."""
 
 
 class Storm(NamedTuple):
@@ -57,7 +64,7 @@ def storm_frigate(**values: Any) -> Ship:
     return load_ship("frigate").with_values(ventilation | values)
 
 
-@uncached
+@compiled
 def _interval(
     plant: Record,
     state: Record,
@@ -66,39 +73,38 @@ def _interval(
     rack: float,
     pitch: float,
     resistance_factor: float,
-    truth: Any,
-    reading: Any,
+    truth: Record,
+    reading: Record,
     dt: float,
 ) -> None:
-    truth[:] = 0.0
     steady = Disturbance(0.0, 0.0, resistance_factor)
     for _ in range(INTERVAL_STEPS):
         speed = state.shaft_speed
         outputs = step(plant, state, memory, sea, rack, pitch, steady, steady, steady, dt)
         power = outputs.brake_torque * plant.gear_ratio * speed
-        truth[0] += outputs.thrust / INTERVAL_STEPS
-        truth[1] += outputs.thrust * outputs.advance_velocity / INTERVAL_STEPS
-        truth[2] += power / INTERVAL_STEPS
-        truth[3] = max(truth[3], power)
-        truth[4] += speed / INTERVAL_STEPS
-        truth[5] = max(truth[5], speed)
+        truth.thrust += outputs.thrust / INTERVAL_STEPS
+        truth.thrust_power += outputs.thrust * outputs.advance_velocity / INTERVAL_STEPS
+        truth.power += power / INTERVAL_STEPS
+        truth.peak_power = max(truth.peak_power, power)
+        truth.shaft_speed += speed / INTERVAL_STEPS
+        truth.peak_speed = max(truth.peak_speed, speed)
     outputs = observe(plant, state, memory, sea, pitch, steady, dt)
-    truth[6] = state.ship_speed
-    truth[7] = state.ventilation
-    truth[8] = outputs.propeller_torque
-    truth[9] = rack
+    truth.ship_speed = state.ship_speed
+    truth.ventilation = state.ventilation
+    truth.propeller_torque = outputs.propeller_torque
+    truth.rack = rack
     _read(state, memory, outputs.advance_velocity, reading)
 
 
-@uncached
-def _read(state: Record, memory: Record, advance_velocity: float, reading: Any) -> None:
-    reading[1] = state.shaft_speed
-    reading[2] = memory.shaft_torque
-    reading[3] = memory.pitch_ratio
-    reading[4] = memory.rack
-    reading[5] = memory.speed_log
-    reading[6] = advance_velocity
-    reading[7] = 1.0
+@compiled
+def _read(state: Record, memory: Record, advance_velocity: float, reading: Record) -> None:
+    reading.shaft_speed = state.shaft_speed
+    reading.measured_shaft_torque = memory.shaft_torque
+    reading.measured_pitch_ratio = memory.pitch_ratio
+    reading.fuel_rack = memory.rack
+    reading.measured_ship_speed = memory.speed_log
+    reading.estimated_advance_velocity = advance_velocity
+    reading.estimate_valid = 1.0
 
 
 def sail(
@@ -134,7 +140,7 @@ def sail(
     first = start.state._replace(
         shaft_speed=float(row.shaft_speed[0]), ship_speed=start_m_s or order_m_s
     )
-    readings = np.zeros((n, 8))
+    readings = np.zeros(n, READING)
     for i, seed in enumerate(seeds):
         if spectrum is not None:
             seas[i] = realise(spectrum, float(plant["depth"]), seed)
@@ -143,27 +149,27 @@ def sail(
         begin = Disturbance(0.0, 0.0, resistance_factor)
         prepare(plant, states[i], memories[i], seas[i], rack, begin, dt)
         _read(states[i], memories[i], 0.0, readings[i])
-    readings[:, 0] = order_m_s
-    low = np.array([plant["pitch_ratio_min"], plant["drive_min"]])
-    high = np.array([plant["pitch_ratio_max"], plant["drive_max"]])
+    readings["speed_order"] = order_m_s
     intervals = round(duration_s / (INTERVAL_STEPS * dt))
-    truths = np.zeros((intervals, n, len(TRUTH)))
+    truths = np.zeros((intervals, n), STORM)
     detected = np.zeros((intervals, n), bool)
     torque = np.zeros((intervals, n))
     ratio = np.zeros((intervals, n))
     memory: Any = None
     for k in range(intervals):
-        action, memory = controller.predict(readings, memory)
-        pitch, fuel = (low + 0.5 * (action.astype(float) + 1.0) * (high - low)).T
+        seen = readings.view(np.float64).reshape(n, -1)
+        action, memory = controller.predict(seen, memory)
         detected[k] = memory["detection"]["ventilating"] != 0
         ratio[k] = memory["detection"]["torque_ratio"]
         estimate = memory["estimate"]
         torque[k] = [estimated_propeller_torque(plant, one) for one in estimate]
-        for i in range(n):
-            _interval(plant, states[i], memories[i], seas[i], fuel[i], pitch[i],
+        for i, (turned, moved) in enumerate(action.tolist()):
+            pitch = decode(turned, plant["pitch_ratio_min"], plant["pitch_ratio_max"])
+            fuel = decode(moved, plant["drive_min"], plant["drive_max"])
+            _interval(plant, states[i], memories[i], seas[i], fuel, pitch,
                       resistance_factor, truths[k, i], readings[i], dt)  # fmt: skip
     kept = slice(round(30.0 / (INTERVAL_STEPS * dt)), None)
-    columns = {name: truths[kept, :, c].T for c, name in enumerate(TRUTH)}
+    columns = {name: truths[name][kept].T for name in STORM.names or ()}
     return Storm(
         **columns,
         detected=detected[kept].T,

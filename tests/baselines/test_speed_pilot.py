@@ -109,7 +109,7 @@ def torque_deviation(**settings: float) -> Any:
     env = FrigateVectorEnv(4, threads=1, task="transit", sea="state-6", episode_s=200.0)
     pilot = SpeedPilot("frigate", **settings)
     (seen, _), memory, torque = env.reset(seed=3), None, []
-    for _ in range(env.intervals - 1):
+    for _ in range(env.batch.settings.intervals - 1):
         action, memory = pilot.predict(seen, memory)
         seen, _, ended, _, _ = env.step(action)
         assert not ended.any()

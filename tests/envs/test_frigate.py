@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import shaftline.envs
 from shaftline.baselines.controller import OBSERVED
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, tasks
-from shaftline.envs.kernel import TRUTH
+from shaftline.envs.records import TRUTHS
 from shaftline.observers import observer_names
 from shaftline.plant import load_ship
 from shaftline.plant.signals import get_signal
@@ -44,7 +44,7 @@ def test_checker_has_nothing_to_say(observer: str, task: str) -> None:
 @pytest.mark.parametrize("observer", observer_names())
 def test_vector_is_the_single_environment_bit_for_bit(observer: str) -> None:
     n, steps = 5, 20
-    options = {"observer": observer, "task": "storm", "randomise": {"mass": 0.2}, **SHORT}
+    options = {"observer": observer, "task": "storm", "randomise": {"hull.mass_kg": 0.2}, **SHORT}
     vector = FrigateVectorEnv(n, threads=2, **options)
     batch, _ = vector.reset(seed=7)
     plans = actions(steps, n)
@@ -59,7 +59,7 @@ def test_vector_is_the_single_environment_bit_for_bit(observer: str) -> None:
             if term or trunc:
                 assert np.array_equal(info["final_obs"][i], alone[i])
                 alone[i] = env.reset()[0]
-    assert vector.fleet.episodes["elapsed"].max() < steps  # episodes ended and began again
+    assert vector.batch.elapsed.max() < steps  # episodes ended and began again
 
 
 def test_same_seed_same_episode() -> None:
@@ -108,7 +108,7 @@ def test_observation_follows_the_plant_within_its_noise() -> None:
     assert column["estimated_advance_velocity"] == pytest.approx(info["advance_velocity"], abs=0.15)
     assert column["estimate_valid"] == 1.0
     assert column["measured_ship_speed"] == pytest.approx(
-        float(env.fleet.states[0]["ship_speed"]), abs=0.05
+        float(env.batch.arrays.states[0]["ship_speed"]), abs=0.05
     )
 
 
@@ -128,7 +128,7 @@ def _step_at_random(n: int, intervals: int, seed: int, **options: Any) -> None:
         observation, reward, _, _, info = env.step(rng.uniform(-1.5, 1.5, (n, 2)))
         assert np.isfinite(observation).all()
         assert np.isfinite(reward).all()
-        assert all(np.isfinite(info[name]).all() for name in TRUTH)
+        assert all(np.isfinite(info[name]).all() for name in TRUTHS)
     env.close()
 
 
@@ -152,14 +152,15 @@ def test_ten_million_random_steps_stay_finite(observer: str) -> None:
     for seed, task in enumerate(sorted(tasks())):
         _step_at_random(
             1024, each, seed, task=task, observer=observer, sea=seas,
-            randomise={"resistance_coefficient": 0.3, "mass": 0.3, "torque_per_rack": 0.1},
+            randomise={"hull.resistance_coefficient_N_s2_m2": 0.3, "hull.mass_kg": 0.3,
+                       "prime_mover.torque_per_rack_N_m_mm": 0.1},
         )  # fmt: skip
 
 
 def test_a_sea_can_be_a_range_from_which_each_episode_draws() -> None:
     env = FrigateVectorEnv(64, sea={"hs_m": (1.0, 4.0), "tp_s": 9.0})
     env.reset(seed=0)
-    heights = 4.0 * np.sqrt(0.5 * np.sum(env.fleet.seas["amplitude"] ** 2, axis=1))
+    heights = 4.0 * np.sqrt(0.5 * np.sum(env.batch.arrays.seas["amplitude"] ** 2, axis=1))
     assert heights.min() > 0.9
     assert heights.max() < 4.1
     assert np.ptp(heights) > 2.0
@@ -169,10 +170,10 @@ def test_a_sea_can_be_a_range_from_which_each_episode_draws() -> None:
 def test_unusable_actions_are_refused(bad: list[Any]) -> None:
     env = FrigateEnv()
     env.reset(seed=0)
-    before = env.fleet.states.copy()
+    before = env.batch.arrays.states.copy()
     with pytest.raises(ValueError, match="action"):
         env.step(bad)
-    assert np.array_equal(env.fleet.states, before)
+    assert np.array_equal(env.batch.arrays.states, before)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +188,7 @@ def test_unusable_actions_are_refused(bad: list[Any]) -> None:
         ({"sensor_noise": -1.0}, "sensor_noise"),
         ({"sensor_noise": {"smell": 1.0}}, "smell"),
         ({"randomise": {"colour": 0.1}}, "colour"),
-        ({"randomise": {"mass": 1.5}}, "mass"),
+        ({"randomise": {"hull.mass_kg": 1.5}}, "mass"),
         ({"action_mode": "sail"}, "action_mode"),
         ({"render_mode": "human"}, "render_mode"),
         ({"episode_s": 0.0}, "episode_s"),
@@ -211,12 +212,12 @@ def test_make_vec_and_subprocesses_by_id() -> None:
 def test_the_governor_holds_the_shaft_speed_that_is_asked() -> None:
     env = FrigateEnv(action_mode="shaft-speed", sea="calm", sensor_noise=0.0)
     env.reset(seed=1)
-    ship = env.fleet.ship
+    ship = env.batch.ship
     for action in (0.0, 0.4):
         for _ in range(240):
             env.step(np.array([0.3, action], np.float32))
         asked = np.interp(action, [-1, 1], [350.0, 1000.0]) * np.pi / 30.0
-        held = float(env.fleet.states[0]["shaft_speed"]) * ship.transmission.gear_ratio
+        held = float(env.batch.arrays.states[0]["shaft_speed"]) * ship.transmission.gear_ratio
         assert held == pytest.approx(asked, rel=0.01)
 
 
@@ -240,10 +241,10 @@ def test_a_frame_shows_something() -> None:
 
 
 def test_ships_vary_with_randomisation() -> None:
-    vector = FrigateVectorEnv(20, randomise={"resistance_coefficient": 0.1}, **SHORT)
+    vector = FrigateVectorEnv(20, randomise={"hull.resistance_coefficient_N_s2_m2": 0.1}, **SHORT)
     vector.reset(seed=0)
     nominal = load_ship("frigate").record()["resistance_coefficient"]
-    factors = vector.fleet.plants["resistance_coefficient"] / nominal
+    factors = vector.batch.arrays.plants["resistance_coefficient"] / nominal
     assert 0.9 <= factors.min() < 0.95
     assert 1.05 < factors.max() <= 1.1
 

@@ -4,8 +4,8 @@ import numpy as np
 from scipy import stats
 
 from shaftline.core.compiled import compiled
-from shaftline.envs.kernel import EPISODE
 from shaftline.envs.randomness import normal
+from shaftline.envs.records import EPISODE
 
 
 @compiled

@@ -1,0 +1,57 @@
+"""The records of the environments' kernels: what an episode remembers, what is seen, what is true."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..baselines.controller import OBSERVED
+
+MAX_ORDERS = 64
+
+EPISODE = np.dtype(
+    [
+        ("random", np.uint64),
+        ("elapsed", np.int64),  # control intervals since reset
+        ("orders", np.float64, (MAX_ORDERS,)),  # ordered ship speeds [m/s], one an order interval
+        ("order_interval", np.float64),  # [s]
+        ("resistance_mean", np.float64),  # d_c1 [-]
+        ("resistance_swing", np.float64),
+        ("resistance_frequency", np.float64),  # [rad/s]
+        ("resistance_phase", np.float64),
+        ("pitch_command", np.float64),
+        ("drive", np.float64),
+        ("gauge_torque", np.float64),  # last sample [N m]
+        ("mean_torque", np.float64),  # over the last MEAN_S [N m]
+        ("measured_shaft_speed", np.float64),  # last reading, for the governor [rad/s]
+        ("integral", np.float64),  # of the governor [mm]
+    ],
+    align=True,
+)
+"""What an environment remembers besides the plant."""
+
+NOISE = np.dtype(
+    [("shaft_speed", np.float64), ("shaft_torque", np.float64), ("pitch_ratio", np.float64),
+     ("shaft_acceleration", np.float64), ("ship_speed", np.float64)]
+)  # fmt: skip
+"""Rms noise of each instrument per sample [rad/s, N m, -, rad/s2, m/s]."""
+
+OBSERVATION = np.dtype([(name, np.float32) for name in OBSERVED])
+"""An observation by name; seen as a plain row it is what an agent gets."""
+
+TRUTH = np.dtype(
+    [
+        ("advance_velocity", np.float64),  # [m/s]
+        ("thrust", np.float64),  # of one propeller [N]
+        ("fuel_flow", np.float64),  # of all engines [kg/s]
+        ("ventilation", np.float64),  # [-]
+        ("ship_speed", np.float64),  # [m/s]
+        ("shaft_speed", np.float64),  # [rad/s]
+        ("shaft_torque", np.float64),  # at the gauge [N m]
+        ("brake_torque", np.float64),  # of one engine [N m]
+        ("position", np.float64),  # along the track [m]
+    ]
+)
+"""What ``info`` tells of the truth, at an interval's last step."""
+
+TRUTHS: tuple[str, ...] = TRUTH.names or ()
+"""Its names."""

@@ -1,0 +1,133 @@
+"""The terms of the reward: each declared once, with its unit and meaning, and worked out below.
+
+A new term is a field of :class:`Weights` and its line in :func:`add_terms`; tasks may then weigh it, and
+``info``, evaluation and documentation know it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from ..core.compiled import Record, compiled, spelled_out
+from ..plant.cavitation import burrill_ratio
+from ..plant.drives.diesel import rack_torque, torque_limit
+from ..plant.fuel import fuel_rate
+from ..plant.state import Outputs
+
+
+class Weights(BaseModel):
+    """Weight of each reward term, per its physical unit and control interval."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    speed_error_m_s: float = Field(ge=0, description="|ship speed - order|")
+    fuel_kg_s: float = Field(ge=0, description="fuel flow of all engines")
+    overload: float = Field(
+        ge=0, description="engine torque asked for beyond the envelope, as share"
+    )
+    torque_rate_kN_m_s: float = Field(ge=0, description="mean |d M_m / dt| at the gauge")
+    rack_travel_mm: float = Field(ge=0, description="|change of the rack command|")
+    cavitation: float = Field(ge=0, description="thrust loading beyond Burrill's limit, as share")
+    overspeed: float = Field(ge=0, description="engine speed beyond its highest, as share")
+    speed_error_squared_m2_s2: float = Field(
+        0.0, ge=0, description="(ship speed - order)^2, which forgives the small"
+    )
+    torque_swing_kN_m: float = Field(
+        0.0,
+        ge=0,
+        description="|M_m - its mean over the last 20 s|: what a standard deviation counts",
+    )
+    failure: float = Field(
+        500.0,
+        ge=0,
+        description="once, where the engine stalls or trips: else ending early would pay",
+    )
+
+
+TERMS = tuple(Weights.model_fields)
+"""Names of the reward terms."""
+
+REWARD_TERMS = np.dtype([(name, np.float64) for name in TERMS])
+"""One value a term, in its unit: of an interval, or its weight."""
+
+
+class Instant(NamedTuple):
+    """What the terms are made of at one step of the plant."""
+
+    order: float  # ship speed [m/s]
+    ship_speed: float  # [m/s]
+    shaft_speed: float  # [rad/s]
+    rack: float  # position of the fuel rack [mm]
+    drive: float  # rack command [mm]
+    drive_before: float  # at the last step [mm]
+    torque_before: float  # at the gauge, at the last step [N m]
+    mean_torque: float  # at the gauge over the last 20 s [N m]
+    dt: float  # [s]
+
+
+@compiled
+def add_terms(
+    terms: Record, plant: Record, outputs: Outputs, now: Instant, share: float, fuel: float
+) -> None:
+    """Add one plant step's part of each term of a control interval.
+
+    Args:
+        terms: REWARD_TERMS record, changed in place.
+        plant: ship record.
+        outputs: of the plant at this step.
+        now: what else is known of it.
+        share: of the step in the interval [-].
+        fuel: flow of all engines [kg/s], from :func:`shaftline.plant.fuel.fuel_rate`.
+    """
+    engine_speed = plant.gear_ratio * now.shaft_speed
+    limit = torque_limit(plant, engine_speed)
+    asked = rack_torque(plant, engine_speed, now.rack)
+    burrill = burrill_ratio(
+        plant, outputs.thrust, outputs.advance_velocity, now.shaft_speed, outputs.pitch_ratio,
+        outputs.submergence,
+    )  # fmt: skip
+    rate = abs(outputs.shaft_torque - now.torque_before) / now.dt
+    error = now.ship_speed - now.order
+    terms.speed_error_m_s += share * abs(error)
+    terms.fuel_kg_s += share * fuel
+    terms.overload += share * max(asked / limit - 1.0, 0.0)
+    terms.torque_rate_kN_m_s += share * rate * 1e-3
+    terms.rack_travel_mm += abs(now.drive - now.drive_before)
+    terms.cavitation += share * max(burrill - 1.0, 0.0)
+    terms.overspeed += share * max(engine_speed / plant.engine_speed_max - 1.0, 0.0)
+    terms.speed_error_squared_m2_s2 += share * error**2
+    terms.torque_swing_kN_m += share * 1e-3 * abs(outputs.shaft_torque - now.mean_torque)
+
+
+@compiled
+def fuel_of_all(plant: Record, shaft_speed: float, brake_torque: float) -> float:
+    """Fuel flow of all engines [kg/s]."""
+    rate = fuel_rate(plant, plant.gear_ratio * shaft_speed, brake_torque)
+    return float(plant.propellers * rate)
+
+
+clear_terms: Callable[[Any], None] = spelled_out(
+    """
+def clear_terms(terms):
+    terms.{field} = 0.0
+""",
+    TERMS,
+    globals(),
+)
+"""Begin an interval."""
+
+reward_of: Callable[[Any, Any], float] = spelled_out(
+    """
+def reward_of(weights, terms):
+    reward = 0.0
+    reward -= weights.{field} * terms.{field}
+    return reward
+""",
+    TERMS,
+    globals(),
+)
+"""Minus the weighted sum of the terms."""

@@ -1,0 +1,262 @@
+"""What a user may vary of an environment: declared once, with its default, and checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..plant import Sea, Ship, get_sea
+from ..plant.keys import info_of
+from .records import MAX_ORDERS, NOISE
+from .tasks import Task
+
+ACTION_MODES = ("rack", "shaft-speed")
+
+SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
+
+SeaRange = tuple[Sea, Sea]
+"""Lowest and highest value of every parameter; an episode draws each uniformly between them."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Keywords of an environment.
+
+    Args:
+        ship: preset, path or Ship; a diesel ship that moves.
+        task: ``speed-keeping``, ``transit``, ``storm``, a Task, or a dictionary of its fields.
+        observer: name of the observer; ``oracle`` shows the truth.
+        tuning: its tuning.
+        sea: preset; parameters, such as ``{"hs_m": (1.0, 5.0), "tp_s": 9.0}``, where a pair is a range
+            from which each episode draws; or a list of those to draw from; the task's by default.
+        sensor_noise: 1 for the usual instruments, 0 for perfect ones, or rms by instrument.
+        control_interval_s: time between actions [s], a multiple of the plant's time step.
+        episode_s: length of an episode [s].
+        randomise: half width of a uniform factor by dotted key of the ship's file, such as
+            ``{"hull.resistance_coefficient_N_s2_m2": 0.1}``; each episode draws its own.
+        action_mode: ``rack``: the second action is the fuel rack; ``shaft-speed``: it is the set-point
+            of a governor that runs at the plant's time step.
+    """
+
+    ship: Any = "frigate"
+    task: Any = "speed-keeping"
+    observer: str = "random-walk-kalman"
+    tuning: str | None = None
+    sea: SeaChoice = None
+    sensor_noise: float | Mapping[str, float] = 1.0
+    control_interval_s: float = 0.5
+    episode_s: float = 300.0
+    randomise: Mapping[str, float] | None = None
+    action_mode: str = "rack"
+
+    @staticmethod
+    def of(keywords: Mapping[str, Any]) -> Settings:
+        """Settings from keywords.
+
+        Raises:
+            ValueError: an unknown keyword, an unknown action mode, or an episode shorter than a control
+                interval.
+        """
+        known = [field.name for field in fields(Settings)]
+        unknown = sorted(set(keywords) - set(known))
+        if unknown:
+            raise ValueError(f"unknown keyword {unknown[0]!r}; known: {', '.join(known)}")
+        found = Settings(**keywords)
+        if found.action_mode not in ACTION_MODES:
+            raise ValueError(
+                f"unknown action_mode {found.action_mode!r}; known: {', '.join(ACTION_MODES)}"
+            )
+        if found.intervals < 1:
+            raise ValueError(
+                f"episode_s = {found.episode_s!r} s is shorter than a control interval of "
+                f"{found.control_interval_s!r} s"
+            )
+        return found
+
+    @property
+    def intervals(self) -> int:
+        """Control intervals of an episode."""
+        return round(self.episode_s / self.control_interval_s)
+
+    def steps(self, dt: float) -> int:
+        """Plant steps in a control interval, for a time step ``dt`` [s].
+
+        Raises:
+            ValueError: the interval is no multiple of it.
+        """
+        steps = round(self.control_interval_s / dt)
+        if steps < 1 or abs(steps * dt - self.control_interval_s) > 1e-9:
+            raise ValueError(
+                f"control_interval_s = {self.control_interval_s!r} s: must be a multiple of the time "
+                f"step of {dt} s"
+            )
+        return steps
+
+
+DEFAULTS = Settings()
+"""Every default of the environments."""
+
+
+def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
+    """The seas that an episode may draw; None is calm water.
+
+    Args:
+        choice: as of :class:`Settings`; None leaves it to the task.
+        task: the task.
+
+    Raises:
+        ValueError: a sea that does not exist, or a range whose ends are the wrong way round.
+    """
+    if choice is None:
+        choice = task.seas
+    if isinstance(choice, str):
+        choice = get_sea(choice)
+        if choice is None:
+            return [None]  # calm water
+    if isinstance(choice, Sea):
+        return [(choice, choice)]
+    if isinstance(choice, Mapping):
+        ends = {name: np.atleast_1d(value).tolist() for name, value in choice.items()}
+        for name, pair in ends.items():
+            if len(pair) > 2 or pair[0] > pair[-1]:
+                raise ValueError(
+                    f"sea[{name!r}] = {choice[name]!r}: must be a number, or a lowest and a highest"
+                )
+        low, high = ({name: pair[end] for name, pair in ends.items()} for end in (0, -1))
+        return [(Sea(**low), Sea(**high))]
+    return [sea for item in choice for sea in seas_of(item, task)]
+
+
+def drawn(sea: SeaRange, rng: np.random.Generator) -> Sea:
+    """One sea of a range."""
+    low, high = (end.model_dump() for end in sea)
+    return Sea(**{name: float(rng.uniform(low[name], high[name])) for name in low})
+
+
+def noise_of(ship: Ship, choice: float | Mapping[str, float]) -> Any:
+    """NOISE record: a share of the usual instruments' noise, or rms values by name.
+
+    Raises:
+        ValueError: an unknown instrument, or an rms or share below 0.
+    """
+    record = np.zeros(1, NOISE)[0]
+    names = NOISE.names or ()
+    if isinstance(choice, Mapping):
+        for name, rms in choice.items():
+            if name not in names or not (math.isfinite(rms) and rms >= 0.0):
+                raise ValueError(
+                    f"sensor_noise[{name!r}] = {rms!r}: known instruments are "
+                    f"{', '.join(names)}, with an rms of 0 or more"
+                )
+            record[name] = rms
+        return record
+    if not (math.isfinite(choice) and choice >= 0.0):
+        raise ValueError(f"sensor_noise = {choice!r}: must be 0 or more (1: the usual instruments)")
+    plant = ship.record()
+    top_speed = float(plant["engine_speed_max"] / plant["gear_ratio"])
+    top_torque = float(plant["torque_limit"] * plant["gear_ratio"])
+    # encoder 0.1 %, strain gauge 0.5 % of full scale, pitch feedback, accelerometer, speed log
+    record["shaft_speed"] = 1e-3 * top_speed
+    record["shaft_torque"] = 5e-3 * top_torque if math.isfinite(top_torque) else 0.0
+    record["pitch_ratio"] = 4e-3
+    record["shaft_acceleration"] = 2e-2
+    record["ship_speed"] = 5e-2
+    for name in names:
+        record[name] *= choice
+    return record
+
+
+def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
+    """Refuse what a factor cannot vary, or would carry out of its range.
+
+    Raises:
+        ValueError: names the key, its unit and its allowed range.
+    """
+    for key, width in randomise.items():
+        where = f"randomise[{key!r}] = {width!r}"
+        if not ship.has_key(key):
+            raise ValueError(f"{where}: must be a number of the ship's file by its dotted key")
+        if not 0.0 <= width < 1.0:
+            raise ValueError(f"{where}: must be a half width from 0 to below 1")
+        info = info_of(ship.key(key))
+        value = ship.value(key)
+        if value == 0.0 or not math.isfinite(value):
+            raise ValueError(f"{where}: the ship has {value:g} there, which a factor does not vary")
+        ends = sorted((value * (1.0 - width), value * (1.0 + width)))
+        if ends[0] < info.low or ends[1] > info.high:
+            raise ValueError(
+                f"{where}: {ends[0]:g} to {ends[1]:g} leaves the range of {info.low:g} to "
+                f"{info.high:g} (unit {info.unit})"
+            )
+
+
+@dataclass(frozen=True)
+class Begin:
+    """How an episode begins, where ``reset(options=...)`` says it.
+
+    Args:
+        seas: to draw from.
+        orders: ordered ship speeds [m/s], one an order interval, the last held; None draws them.
+        order_interval_s: [s].
+        initial_speed_m_s: ship speed [m/s] at which the episode begins; the first order by default.
+        resistance_rise: of the mean resistance [-]; None draws it.
+    """
+
+    seas: list[SeaRange | None]
+    orders: NDArray[np.float64] | None
+    order_interval_s: float
+    initial_speed_m_s: float | None
+    resistance_rise: float | None
+
+    @staticmethod
+    def of(options: Mapping[str, Any] | None, task: Task, seas: list[SeaRange | None]) -> Begin:
+        """From the options of a reset: ``sea``, ``speed_order_m_s`` (a number, or one for each order
+        interval), ``order_interval_s``, ``initial_speed_m_s``, ``resistance_rise``.
+
+        Args:
+            options: of the reset, or None.
+            task: decides what the options leave open.
+            seas: of the environment.
+
+        Raises:
+            ValueError: an unknown option, or a value out of range.
+        """
+        given = dict(options or {})
+        known = (
+            "sea", "speed_order_m_s", "order_interval_s", "initial_speed_m_s", "resistance_rise",
+        )  # fmt: skip
+        unknown = sorted(set(given) - set(known))
+        if unknown:
+            raise ValueError(f"unknown option {unknown[0]!r}; known: {', '.join(known)}")
+        orders = None
+        if "speed_order_m_s" in given:
+            asked = np.atleast_1d(np.asarray(given["speed_order_m_s"], dtype=np.float64))
+            if asked.ndim != 1 or not 1 <= len(asked) <= MAX_ORDERS:
+                raise ValueError(f"options: speed_order_m_s: 1 to {MAX_ORDERS} orders are needed")
+            orders = np.concatenate([asked, np.full(MAX_ORDERS - len(asked), asked[-1])])
+            _within("speed_order_m_s", float(asked.min()), 0.0, 40.0, "m/s")
+            _within("speed_order_m_s", float(asked.max()), 0.0, 40.0, "m/s")
+        interval = _within(
+            "order_interval_s", given.get("order_interval_s", task.order_interval_s),
+            1e-3, math.inf, "s",
+        )  # fmt: skip
+        speed, rise = given.get("initial_speed_m_s"), given.get("resistance_rise")
+        return Begin(
+            seas_of(given["sea"], task) if "sea" in given else seas,
+            orders,
+            interval,
+            None if speed is None else _within("initial_speed_m_s", speed, 0.0, 40.0, "m/s"),
+            None if rise is None else _within("resistance_rise", rise, -0.9, 10.0, "-"),
+        )
+
+
+def _within(name: str, value: Any, low: float, high: float, unit: str) -> float:
+    number = float(value)
+    if not low <= number <= high or math.isnan(number):
+        raise ValueError(f"options: {name} = {value!r}: must be {low:g} to {high:g} {unit}")
+    return number
