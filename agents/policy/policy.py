@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from importlib import metadata, resources
+from importlib import resources
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -25,7 +25,7 @@ from ...plant import Ship, load_ship
 from .pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
 
 FORMAT = 1
-"""Of the file; a policy of another is refused."""
+"""Of the file: it changes where what stands in it does, or what a policy sees or answers means."""
 
 _ACTIVATIONS: dict[str, Callable[[Any], Any]] = {"tanh": np.tanh, "relu": partial(np.maximum, 0.0)}
 
@@ -41,7 +41,6 @@ def layout(ship: Ship) -> dict[str, Any]:
               "engine_speed_min", "engine_speed_max")  # fmt: skip
     return {
         "format": FORMAT,
-        "version": ".".join(metadata.version("shaftline").split(".")[:2]),
         "ship": ship.name,
         "ranges": {name: float(plant[name]) for name in ranges},
         "observed": list(OBSERVED),
@@ -140,6 +139,22 @@ class Policy:
         action = self.adapter.command(answer, memory, features)
         return (action if np.ndim(observation) > 1 else action[0]), memory
 
+    def summary(self) -> str:
+        """What it was trained on, and how it was judged on the way, as text."""
+        recipe = self.about["recipe"]
+        lines = [
+            f"{recipe['algorithm'].upper()} on {recipe['task']}, ship {self.about['layout']['ship']}, "
+            f"seed {self.about.get('seed')}, a command every {self.about['control_interval_s']:g} s"
+        ]
+        if self.curve:
+            last = {name: values[-1] for name, values in self.curve.items()}
+            lines.append(", ".join(f"{name} {value:.4g}" for name, value in last.items()))
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What it was made for and with, and its curve, as JSON allows; the weights stay in the file."""
+        return self.about | {"curve": self.curve}
+
     def save(self, path: Path) -> None:
         """Write one self-contained file."""
         n = self.network
@@ -171,7 +186,7 @@ def trained() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.npz"))}
 
 
-def load(source: str | Path, ship: Ship | None = None) -> Policy:
+def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
     """Load a policy.
 
     Args:

@@ -10,7 +10,7 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ...core.files import write_atomically, write_json
-from ..policy.policy import Policy, load
+from ..policy.policy import Policy, load_policy
 
 
 class Checkpoints:
@@ -68,7 +68,7 @@ class Checkpoints:
         """The best leg's policy as the training's; with the whole curve in it."""
         merits = [(leg["failed"] == 0.0, leg["reward"]) for leg in self.legs]
         best = merits.index(max(merits))
-        policy = load(self.folder / "checkpoints" / f"policy-{best + 1:02d}.npz")
+        policy = load_policy(self.folder / "checkpoints" / f"policy-{best + 1:02d}.npz")
         policy.curve = self._curve()
         policy.about["leg"] = best + 1
         path = self.folder / "policy.npz"

@@ -62,7 +62,7 @@ class Recipe(BaseModel):
 def recipe_path(algorithm: str) -> Path:
     """The file of recipes for an algorithm that comes with the package."""
     return Path(
-        str(resources.files("shaftline.agents.learn").joinpath("recipes", f"{algorithm}.yml"))
+        str(resources.files("shaftline.agents.learning").joinpath("recipes", f"{algorithm}.yml"))
     )
 
 

@@ -29,7 +29,8 @@ from ...core.sweep import refuse_another, source_digest
 from ...envs import DEFAULTS
 from ...envs.sb3 import Sb3Frigates
 from ...plant import load_ship
-from ..evaluate.evaluation import Setting, interquartile_mean, run
+from ..evaluation.episodes import Setting, run_episodes
+from ..evaluation.statistics import interquartile_mean
 from ..policy.pilot_adapter import ANSWERS, FEATURES
 from ..policy.policy import Network, Policy, layout
 from .checkpoints import Checkpoints
@@ -43,7 +44,7 @@ FIRST_JUDGED_SEED = 500_000
 
 _SHOWN = ("reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "failed")
 
-_SOURCES = ("agents/learn", "agents/policy")
+_SOURCES = ("agents/learning", "agents/policy")
 """Besides the physics: what decides a training's result."""
 
 Tick = Callable[[int, int, str], None]
@@ -272,7 +273,7 @@ def _judged(policy: Policy, recipe: Recipe, ship: str, threads: int | None) -> d
         JUDGED_SEEDS, ship, recipe.env_kwargs.get("episode_s", DEFAULTS.episode_s),
         recipe.env_kwargs.get("sensor_noise", DEFAULTS.sensor_noise), task_model=recipe.rewarded(),
     )  # fmt: skip
-    kpis, _ = run(setting, policy, first_seed=FIRST_JUDGED_SEED, threads=threads)
+    kpis, _ = run_episodes(setting, policy, first_seed=FIRST_JUDGED_SEED, threads=threads)
     return {name: float(interquartile_mean(kpis[name])) for name in _SHOWN if name != "failed"} | {
         "failed": float(kpis["failed"].mean())
     }

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from ...display.tables import markdown
-from .evaluation import KPIS
+from .kpis import KPIS
 
 _ALL = "any"
 """Stands for all observers of the table: the controller does not use the estimate."""
@@ -17,7 +17,7 @@ def distinct(table: pd.DataFrame) -> pd.DataFrame:
     """Rows of a controller and a sea whose figures agree to the last digit, joined into one.
 
     Args:
-        table: as :func:`shaftline.agents.evaluate.evaluation.evaluate` makes it.
+        table: as :func:`shaftline.agents.evaluation.sweeps.evaluate` makes it.
 
     Returns:
         The same columns; ``observer`` names those that the row stands for, or ``any``.
@@ -36,7 +36,7 @@ def page(table: pd.DataFrame, title: str, columns: Sequence[str]) -> str:
     """The table with its intervals as Markdown, one section a sea.
 
     Args:
-        table: as :func:`shaftline.agents.evaluate.evaluation.evaluate` makes it.
+        table: as :func:`shaftline.agents.evaluation.sweeps.evaluate` makes it.
         title: of the page.
         columns: KPIs to show; those that are zero in every row are named instead.
     """

@@ -10,19 +10,19 @@ from ...baselines.controller import Controller
 from ...baselines.registry import CONTROLLERS, ControllerError
 from ...core.sweep import source_digest
 from ...plant import Ship
-from ..policy.policy import PolicyError, load, trained
+from ..policy.policy import PolicyError, load_policy, trained
 
 _POLICY = "policy"
 
 
 def known() -> str:
-    """What :func:`make_controller` takes, in words."""
+    """What :func:`load_controller` takes, in words."""
     return f"{', '.join(CONTROLLERS)}, policy:FILE.npz" + "".join(
         f", {_POLICY}:{name}" for name in trained()
     )
 
 
-def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
+def load_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     """A controller from ``NAME``, ``NAME:option=number,...`` or ``policy:FILE``.
 
     Args:
@@ -39,7 +39,7 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
         return registry.make_controller(text, ship, interval_s)
     if name != _POLICY or not source:
         raise ControllerError(f"unknown controller {text!r}; known: {known()}")
-    policy = load(source, ship)
+    policy = load_policy(source, ship)
     own = float(policy.about["control_interval_s"])
     if abs(own - interval_s) > 1e-9:
         raise PolicyError(
@@ -50,7 +50,7 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
 
 
 def label(text: str) -> str:
-    """What a controller is called in tables and cells, for a text that :func:`make_controller` took.
+    """What a controller is called in tables and cells, for a text that :func:`load_controller` took.
 
     A file may hold another policy tomorrow, so eight letters of its content and of the source that
     sails it stand behind a policy's name: cells of the old one are then not taken for the new one's.

@@ -7,6 +7,27 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+KPIS = {
+    "fuel_kg_nmi": "fuel per nautical mile [kg]",
+    "speed_error_rms_m_s": "rms of ship speed minus order [m/s]",
+    "speed_mean_m_s": "distance over time [m/s]",
+    "speed_short_m_s": "mean of order minus ship speed [m/s]",
+    "torque_sd_kN_m": "standard deviation of the shaft torque [kN m]",
+    "torque_peak_kN_m": "highest shaft torque [kN m]",
+    "rack_travel_mm_min": "travel of the rack command [mm/min]",
+    "overload_s": "time beyond the engine's envelope [s]",
+    "shaft_speed_peak_rad_s": "highest shaft speed [rad/s]",
+    "overspeed_s": "time beyond the engine's highest speed [s]",
+    "cavitation_s": "time beyond Burrill's limit [s]",
+    "ventilation_s": "time ventilating [s]",
+    "thrust_mean_kN": "mean thrust of one propeller [kN]",
+    "power_mean_kW": "mean brake power of one engine [kW]",
+    "power_peak_kW": "highest brake power of one engine [kW]",
+    "failed": "episodes that stalled or tripped [share]",
+    "reward": "sum of rewards",
+}
+"""Key performance indicators of an episode, by column."""
+
 _NAUTICAL_MILE = 1852.0
 
 
