@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...core.compiled import Record, compiled
 from ...plant.dynamics import loads
 from ...plant.shaft import inertia_behind_gauge
-from ...plant.state import Inputs, State, without_lags
+from ...plant.state import Inputs, motion_state, without_lags
 from .joint_replay import JointReplay
 
 Channels = dict[str, NDArray[np.float64]]
@@ -48,8 +48,8 @@ def _loads_at(
     """The plant's loads at each sample; the last six filled."""
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
-        state = State(pitch_ratio[k], shaft_speed[k], ship_speed[k])
-        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k])
+        state = motion_state(pitch_ratio[k], shaft_speed[k], ship_speed[k])
+        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0)
         acting = loads(plant, state, acts, pitch_ratio[k])
         drive_torque[k] = acting.drive_torque
         load_torque[k] = acting.load_torque
