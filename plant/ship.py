@@ -19,6 +19,8 @@ from .record import record_of
 from .shaft import Transmission
 from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
+from .term_kernel import MAX_TERMS
+from .terms import Term
 from .tolerances import Tolerances
 from .unexplained import Unexplained
 from .ventilation import Ventilation
@@ -43,6 +45,7 @@ class Ship(Section):
     integration: Integration = Integration()
     tolerances: Tolerances = Tolerances()
     unexplained: Unexplained | None = None
+    term: Annotated[tuple[Term, ...], Field(strict=False, max_length=MAX_TERMS)] = ()
 
     @model_validator(mode="after")
     def _consistent(self) -> Ship:
@@ -57,6 +60,9 @@ class Ship(Section):
                     f"{key} = {delay} s is more than {longest:.4g} s, "
                     f"the longest delay at a time step of {step} s"
                 )
+        ids = [term.id for term in self.term]
+        if twice := [name for name in ids if ids.count(name) > 1]:
+            raise ValueError(f"term {twice[0]!r} stands twice")
         lacking = self.unexplained.balance if self.unexplained else ""
         if lacking == "hull" and not self.moves:
             raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
@@ -194,7 +200,7 @@ class Ship(Section):
 def _record(ship: Ship) -> Any:
     sections = [getattr(ship, name) for name in type(ship).model_fields]
     own = [section for section in sections if isinstance(section, Section)]
-    return record_of(own, ship.prime_mover.code)
+    return record_of(own, ship.prime_mover.code, ship.term)
 
 
 def record_name(dotted: str, ship: Ship) -> str:
