@@ -94,7 +94,7 @@ def _same_proof(out: Path, seed: int, beside: list[str]) -> None:
     mine = {
         "seed": seed,
         "beside": beside,
-        "version": source_digest("plant", "mismatch", "proof"),
+        "version": source_digest("core", "plant", "mismatch", "proof"),
     }
     refuse_another(out, note, mine, "proof")
     if not note.is_file() and any(out.glob("case-*")):

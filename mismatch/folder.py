@@ -133,7 +133,7 @@ def _name(place: str, path: Path, ship: Ship, options: Options) -> str:
     said = [repr(ship), repr(sorted(options.exclude)), repr(options.tolerance)]
     if options.columns is not None:
         said.append(options.columns.read_text(encoding="utf-8"))
-    for text in (*said, source_digest("plant", "mismatch")):
+    for text in (*said, source_digest("core", "plant", "mismatch")):
         digest.update(text.encode() + b"\0")
     plain = "".join(c if c.isalnum() or c in "-._" else "-" for c in place)
     return f"{plain}_{digest.hexdigest()[:12]}"
