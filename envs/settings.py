@@ -34,7 +34,8 @@ class Settings:
         tuning: its tuning.
         sea: preset; parameters, such as ``{"hs_m": (1.0, 5.0), "tp_s": 9.0}``, where a pair is a range
             from which each episode draws; or a list of those to draw from; the task's by default.
-        sensor_noise: 1 for the usual instruments, 0 for perfect ones, or rms by instrument.
+        sensor_noise: factor on the usual instruments' (0 for perfect ones), or rms by instrument [its
+            unit].
         control_interval_s: time between actions [s], a multiple of the plant's time step.
         episode_s: length of an episode [s].
         randomise: half width of a uniform factor by dotted key of the ship's file, such as

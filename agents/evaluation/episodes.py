@@ -21,6 +21,14 @@ class Setting:
     """One cell of an evaluation.
 
     Args:
+        controller: as it is called in tables.
+        task: name; ``NAME:held-out`` for the seas that its training never draws.
+        sea: preset, or ``task`` for those of the task.
+        observer: name.
+        seeds: episodes, one a seed.
+        ship: preset or path.
+        episode_s: length of an episode [s].
+        sensor_noise: factor on the usual instruments', or rms by instrument [its unit].
         task_model: the task itself, where it is not the one that ``task`` names.
         first_seed: seeds run from here.
     """

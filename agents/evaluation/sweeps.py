@@ -77,7 +77,14 @@ def evaluate(
     folder: Path,
     **spread: Any,
 ) -> Evaluation:
-    """Sail every setting and sum it up; arguments as of :func:`episodes`."""
+    """Sail every setting and sum it up.
+
+    Args:
+        settings: cells, each once.
+        make: controller of a cell; travels to the other processes and is called there.
+        folder: cells are kept in ``folder/cells``; those that stand there are not sailed again.
+        spread: ``jobs``, ``backend``, ``scheduler`` and ``tick``, as of :func:`episodes`.
+    """
     found = episodes(settings, make, folder, **spread)
     rows = []
     for setting, kept in zip(settings, found, strict=True):
