@@ -1,6 +1,5 @@
 """Locate, name, fit and prove what a simulation leaves out of a recording."""
 
-from ..plant.recording import RecordingError
 from .diagnosis import Diagnosis
 from .estimate import Estimate
 from .folder import diagnose_folder
@@ -21,7 +20,6 @@ __all__ = [
     "Options",
     "Parameter",
     "Recording",
-    "RecordingError",
     "catalogue",
     "diagnose",
     "diagnose_folder",

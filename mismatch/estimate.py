@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..plant.ship import Ship, key_info, record_name
+from ..plant.ship import Ship, key_info
 
 HALF_95 = 1.96
 """Half of a normal variable's 95 % interval, in standard errors."""
@@ -60,7 +60,7 @@ class Estimate:
         """
         info = key_info(key, ship)
         if neutral is None:
-            neutral = float(ship.record()[record_name(key, ship)])
+            neutral = ship.value(key)
         return cls(
             key, value, info.unit, (info.low, info.high), neutral, standard_error, form_error
         )

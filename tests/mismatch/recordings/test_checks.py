@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import RecordingError
-from shaftline.plant import Ship, equilibrium
+from shaftline.plant import RecordingError, Ship, equilibrium
 
 from .conftest import Load
 from .trials import COLUMNS, NOISE, voyage

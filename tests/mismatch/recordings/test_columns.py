@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import RecordingError
+from shaftline.plant import RecordingError
 
 from .conftest import Load
 from .trials import RPM, degrees

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import RecordingError, fetch, load_recording
-from shaftline.plant import Schedule, Ship, equilibrium, load_ship, simulate
+from shaftline.mismatch import fetch, load_recording
+from shaftline.plant import RecordingError, Schedule, Ship, equilibrium, load_ship, simulate
 
 from .conftest import Load
 from .trials import COLUMNS, EFFECTS, NOISE, voyage

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import RecordingError
+from shaftline.plant import RecordingError
 
 from .conftest import Load
 

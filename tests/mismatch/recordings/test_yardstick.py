@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import RecordingError
-from shaftline.plant import Ship, load_ship
+from shaftline.plant import RecordingError, Ship, load_ship
 from shaftline.plant.replay import simulate_recording
 
 from .conftest import Load
