@@ -12,7 +12,7 @@ from ..baselines.registry import CONTROLLERS
 from ..core.files import write_text
 from ..display.tables import markdown
 from ..envs import tasks
-from ..mismatch.search.catalogue import catalogue
+from ..mismatch import catalogue
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
 from ..plant.ship_files import ship_keys

@@ -71,6 +71,12 @@ def rate(values: NDArray[np.float64], interval_s: float) -> NDArray[np.float64]:
 class Balances:
     """The balances that a ship and the channels of a recording allow.
 
+    Args:
+        replay: the recording.
+
+    Raises:
+        ValueError: the nominal ship runs away under the recorded demands.
+
     Attributes:
         names: of the residuals' rows: ``engine``, ``propeller`` and so on.
         units: of each.
@@ -100,10 +106,20 @@ class Balances:
         self.units = [unit for _, unit in rows]
         nominal = replay.simulate(self.plant)
         self.nominal = replay.simulated(nominal)
+        self._refuse_runaway()
         self.nominal_samples = nominal
         # where a neighbour is not measured, its nominal simulation stands in
         self._pitch = np.ascontiguousarray(nominal["pitch_ratio"])
         self._speed = np.ascontiguousarray(nominal["ship_speed"])
+
+    def _refuse_runaway(self) -> None:
+        for column, values in self.nominal.items():
+            if not np.isfinite(values).all():
+                when = float(self.replay.time_s[np.argmin(np.isfinite(values))])
+                raise ValueError(
+                    f"{self.replay.ship.name}: its simulated {column} is not finite from {when:g} s "
+                    "on, under the recorded demands; is it this ship's recording?"
+                )
 
     def residuals(self, channels: Channels) -> NDArray[np.float64]:
         """What each balance lacks, of measured or simulated channels; shape (balances, rows)."""

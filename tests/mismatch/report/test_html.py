@@ -10,18 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.diagnosis import Diagnosis
+from shaftline.mismatch import Diagnosis, Effect, catalogue
 from shaftline.mismatch.judge.whiteness import Colour
-from shaftline.mismatch.report import figures, sentence
+from shaftline.mismatch.report import figures
 from shaftline.mismatch.report.figures import sea_band, smooth_spectrum
 from shaftline.mismatch.report.html import report_html
 from shaftline.mismatch.report.panels import equation
 from shaftline.mismatch.report.remarks import remarks
 from shaftline.mismatch.report.wording import measure, number, parameter_words, scaled, spans
-from shaftline.mismatch.search.catalogue import Effect, catalogue
 from shaftline.plant import load_ship
 
-from .diagnoses import FRICTION, TIME, channels, diagnosis_of
+from ..diagnoses import FRICTION, TIME, channels, diagnosis_of
 
 
 class Outline(HTMLParser):
@@ -95,7 +94,7 @@ def test_every_verdict_gives_a_page_that_needs_nothing_else(
     assert len(found.ids) == len(set(found.ids))
     used = {a[1:] for a in found.addresses} | set(re.findall(r"url\(#([^)]+)\)", page))
     assert used <= set(found.ids)
-    assert sentence(diagnosis) in unescape(page)
+    assert diagnosis.sentence in unescape(page)
     assert len(page) < 3_000_000
 
 

@@ -16,7 +16,7 @@ from shaftline.mismatch.simulate.tolerances import tolerance_records
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.tolerances import Tolerances
 
-from .voyages import bench_tug, frigate_voyage, tug_run
+from ..voyages import bench_tug, frigate_voyage, tug_run
 
 FOULING = Placed(next(e for e in catalogue() if e.id == "hull-fouling"), (0.04,))
 NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields]
@@ -101,4 +101,4 @@ def test_thrust_is_moved_in_four_quadrants_too(draggy: pd.DataFrame) -> None:
 
 def test_the_corrected_ship_keeps_its_tolerances(draggy: pd.DataFrame) -> None:
     fitter = fitter_of(draggy, {"tolerances.resistance": 0.05})
-    assert fitter.workshop.corrected((FOULING,)).tolerances == Tolerances(resistance=0.05)
+    assert fitter.trial_ship.corrected((FOULING,)).tolerances == Tolerances(resistance=0.05)

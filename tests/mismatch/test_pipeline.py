@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from shaftline.mismatch.diagnosis import diagnose, fit_percent
+from shaftline.mismatch import Options, Recording, diagnose, fit_percent
 from shaftline.mismatch.judge.location import active_windows, change_points, regime
-from shaftline.mismatch.report import as_json
 from shaftline.mismatch.search.spectra import Likelihood, make_bands, moments
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -27,7 +28,7 @@ def test_nothing_is_named_where_nothing_is_missing(sea: str | None, seed: int) -
     found = diagnose(load_ship("frigate"), frigate_voyage(seed=seed, sea=waves))
     assert found.verdict == "nothing-missing"
     assert found.fit_after == found.fit_before
-    assert as_json(found)["effects"] == []
+    assert found.to_dict()["effects"] == []
 
 
 def test_a_wrong_number_inside_its_tolerance_is_no_missing_physics() -> None:
@@ -59,10 +60,10 @@ def test_what_the_catalogue_does_not_hold_is_shown_without_a_name() -> None:
 def test_the_true_effect_left_out_of_the_catalogue_is_not_replaced_by_a_wrong_name() -> None:
     values = {"prime_mover.lag_s": 2.5}
     table = frigate_voyage(values, seed=3)
-    out = ["engine-torque-lag", "engine-dead-time", "rack-rate-limit", "torque-sensor-delay"]
-    found = diagnose(load_ship("frigate"), table, exclude=out)
+    out = ("engine-torque-lag", "engine-dead-time", "rack-rate-limit", "torque-sensor-delay")
+    found = diagnose(load_ship("frigate"), table, options=Options(exclude=out))
     assert found.verdict == "unexplained"
-    assert as_json(found)["location"]["balances"] == ["engine"]
+    assert found.to_dict()["location"]["balances"] == ["engine"]
 
 
 def test_a_dull_recording_is_not_guessed_at() -> None:
@@ -73,9 +74,10 @@ def test_a_dull_recording_is_not_guessed_at() -> None:
     rng = np.random.default_rng(0)
     for column, rms in NOISE.items():
         steady[column] = steady[column] + rms * rng.standard_normal(len(steady))
-    found = diagnose(load_ship("frigate"), steady, limits=["dull: the rack does not move"])
+    dull = Recording(Path("r.csv"), steady, 0.2, {}, limits=("dull: the rack does not move",))
+    found = diagnose(load_ship("frigate"), dull)
     assert not found.findings
-    assert "annot be decided, because dull: the rack does not move" in as_json(found)["sentence"]
+    assert "annot be decided, because dull: the rack does not move" in found.to_dict()["sentence"]
 
 
 def test_two_effects_are_both_named() -> None:
@@ -86,7 +88,7 @@ def test_two_effects_are_both_named() -> None:
 
 def test_same_recording_same_diagnosis() -> None:
     table = frigate_voyage({"hull.fouling_fraction": 0.2}, seed=1, seconds=300.0)
-    first, second = (as_json(diagnose(load_ship("frigate"), table)) for _ in range(2))
+    first, second = (diagnose(load_ship("frigate"), table).to_dict() for _ in range(2))
     assert first == second
 
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.diagnosis import Diagnosis, diagnose
-from shaftline.mismatch.search.catalogue import applicable, catalogue
+from shaftline.mismatch import Diagnosis, catalogue, diagnose
+from shaftline.mismatch.search.catalogue import applicable
 from shaftline.plant import load_ship
 
-from .voyages import bench_tug, frigate_voyage, tug_run
+from ..voyages import bench_tug, frigate_voyage, tug_run
 
 ENGINE_SIDE = "transmission.coulomb_friction_engine_side_N_m"
 
@@ -100,7 +100,7 @@ def test_a_concealed_effect_is_named(effect: str, balance: str, values: dict[str
     first = found.findings[0]
     if first.effect.id == effect:
         true = next(iter(values.values()))
-        assert first.placed.values[0] == pytest.approx(true, rel=0.15)
+        assert first.estimates[0].value == pytest.approx(true, rel=0.15)
     # open loop on data never fitted, no channel becomes worse than noise allows
     for column, before in found.fit_before.items():
         assert found.fit_after[column] > before - 0.5
@@ -124,7 +124,8 @@ def test_ventilation_is_named_where_the_submergence_was_measured() -> None:
     table = frigate_voyage(values, seed=3, extra={"propeller_submergence_m": submergence})
     found = diagnose(load_ship("frigate"), table)
     _named(found, "ventilation", "propeller")
-    assert found.findings[0].placed.values == pytest.approx((0.4, 1.1), rel=0.1)
+    values = [estimate.value for estimate in found.findings[0].estimates]
+    assert values == pytest.approx([0.4, 1.1], rel=0.1)
 
 
 def test_an_inflow_lag_is_named_where_the_inflow_was_measured() -> None:
@@ -135,7 +136,7 @@ def test_an_inflow_lag_is_named_where_the_inflow_was_measured() -> None:
     table = frigate_voyage(values, seed=3, extra={"inflow_velocity_m_s": gusts})
     found = diagnose(load_ship("frigate"), table)
     _named(found, "inflow-lag", "propeller")
-    assert found.findings[0].placed.values[0] == pytest.approx(2.5, rel=0.1)
+    assert found.findings[0].estimates[0].value == pytest.approx(2.5, rel=0.1)
 
 
 def test_every_entry_is_concealed_by_a_test_here() -> None:
