@@ -10,11 +10,11 @@ import numpy as np
 import typer
 from matplotlib.image import imsave
 
-from ..agents.evaluate.controllers import known, label, make_controller
+from ..agents.evaluate.controllers import known, label, load_controller
 from ..agents.evaluate.evaluation import KPIS, Setting
 from ..agents.evaluate.evaluation import evaluate as evaluate_all
 from ..agents.evaluate.page import distinct, page
-from ..baselines.controller import Controller
+from ..baselines import Controller
 from ..core.files import write_atomically, write_json, write_text
 from ..core.sweep import check_backend
 from ..display import figures
@@ -93,7 +93,7 @@ def evaluate(
         sailed = _task_ship(vessel, task)
         made: dict[str, Controller] = {}
         for text in controller:
-            commander = make_controller(text, sailed, _INTERVAL)
+            commander = load_controller(text, sailed, _INTERVAL)
             made[label(text)] = commander
         grid = itertools.product(*map(dict.fromkeys, (made, sea, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]

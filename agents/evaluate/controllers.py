@@ -5,9 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from ...baselines import registry
-from ...baselines.controller import Controller
-from ...baselines.registry import CONTROLLERS, ControllerError
+from ...baselines import Controller, ControllerError, controller_names, make_controller
 from ...core.sweep import source_digest
 from ...plant import Ship
 from ..policy.policy import PolicyError, load, trained
@@ -16,13 +14,13 @@ _POLICY = "policy"
 
 
 def known() -> str:
-    """What :func:`make_controller` takes, in words."""
-    return f"{', '.join(CONTROLLERS)}, policy:FILE.npz" + "".join(
+    """What :func:`load_controller` takes, in words."""
+    return f"{', '.join(controller_names())}, policy:FILE.npz" + "".join(
         f", {_POLICY}:{name}" for name in trained()
     )
 
 
-def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
+def load_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     """A controller from ``NAME``, ``NAME:option=number,...`` or ``policy:FILE``.
 
     Args:
@@ -35,8 +33,8 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
         PolicyError: not a policy, or one of another version, ship, observation or interval.
     """
     name, _, source = text.partition(":")
-    if name in CONTROLLERS:
-        return registry.make_controller(text, ship, interval_s)
+    if name in controller_names():
+        return make_controller(text, ship, interval_s)
     if name != _POLICY or not source:
         raise ControllerError(f"unknown controller {text!r}; known: {known()}")
     policy = load(source, ship)
@@ -50,7 +48,7 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
 
 
 def label(text: str) -> str:
-    """What a controller is called in tables and cells, for a text that :func:`make_controller` took.
+    """What a controller is called in tables and cells, for a text that :func:`load_controller` took.
 
     A file may hold another policy tomorrow, so eight letters of its content and of the source that
     sails it stand behind a policy's name: cells of the old one are then not taken for the new one's.

@@ -15,7 +15,7 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
 import shaftline.agents
-from shaftline.agents.evaluate.controllers import label, make_controller
+from shaftline.agents.evaluate.controllers import label, load_controller
 from shaftline.agents.evaluate.evaluation import Setting, run
 from shaftline.agents.learn.training import train
 from shaftline.agents.policy.pilot_adapter import FEATURES
@@ -142,14 +142,14 @@ def test_what_is_no_policy_is_refused(file: Path, tmp_path: Path) -> None:
 
 def test_controllers_by_name(file: Path, altered: Any) -> None:
     ship = load_ship("frigate")
-    assert isinstance(make_controller(f"policy:{file}", ship, 0.5), Policy)
-    assert not isinstance(make_controller("combinator:response_s=3", ship, 0.5), Policy)
+    assert isinstance(load_controller(f"policy:{file}", ship, 0.5), Policy)
+    assert not isinstance(load_controller("combinator:response_s=3", ship, 0.5), Policy)
     with pytest.raises(ControllerError, match=r"'autopilot'; known: combinator, .*policy:FILE"):
-        make_controller("autopilot", ship, 0.5)
+        load_controller("autopilot", ship, 0.5)
     with pytest.raises(ControllerError, match="policy"):
-        make_controller("policy:", ship, 0.5)
+        load_controller("policy:", ship, 0.5)
     with pytest.raises(PolicyError, match=r"control_interval_s: the policy has 0\.5 s, .* 1 s"):
-        make_controller(f"policy:{file}", ship, 1.0)
+        load_controller(f"policy:{file}", ship, 1.0)
 
 
 def test_a_policy_in_a_known_file_has_another_label(file: Path, altered: Any) -> None:
