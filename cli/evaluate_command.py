@@ -15,7 +15,7 @@ from ..agents.evaluation.episodes import Setting
 from ..agents.evaluation.kpis import KPIS
 from ..agents.evaluation.page import distinct
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
-from ..baselines.controller import Controller
+from ..baselines import Controller
 from ..core.files import write_atomically
 from ..core.sweep import check_backend
 from ..display import figures

@@ -25,6 +25,8 @@ from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
 from .settings import Begin, Settings, check_randomise, drawn, noise_of, seas_of
 from .tasks import get_task
 
+_FIELDS: Any = ENVIRONMENT.fields
+
 
 @functools.lru_cache(maxsize=16)
 def _steady_table(ship: Ship) -> NDArray[Any]:
@@ -122,7 +124,7 @@ class Batch:
     def observation(self) -> NDArray[np.float32]:
         """The observations as plain rows, shape (n, 8)."""
         # a record's field is no contiguous array, so its rows are laid over the records' memory
-        offset = (ENVIRONMENT.fields or {})["observation"][1]
+        offset = _FIELDS["observation"][1]
         return np.ndarray(
             (self.n, len(OBSERVED)), np.float32, self.environments.data, offset,
             (ENVIRONMENT.itemsize, 4),

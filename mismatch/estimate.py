@@ -20,7 +20,7 @@ class Estimate:
         value: in ``unit``.
         unit: SI, as the key states it.
         bounds: lowest and highest value that a ship's file allows.
-        neutral: value that changes nothing: the nominal ship's own.
+        neutral: value that changes nothing: the nominal ship's own, in the same unit.
         standard_error: by the noise of the recording, in ``unit``.
         form_error: by which the form of a model, which is never quite the truth's, may have moved the
             value, in ``unit``; widens the interval.
@@ -51,7 +51,7 @@ class Estimate:
             ship: nominal; its key says unit and bounds, and its own value is the neutral one.
             key: dotted key.
             value: in the key's unit, likewise the others.
-            standard_error: by the noise of the recording.
+            standard_error: by the noise of the recording, in the same unit.
             form_error: by the form of the model.
             neutral: another value that changes nothing.
 

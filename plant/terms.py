@@ -130,7 +130,9 @@ def _walk(
     source: str,
 ) -> int:
     """Append a node's operations; gives the depth of stack that it needs."""
+    # a truth value is a whole number to Python, but nobody means one
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        assert isinstance(node.value, int | float)  # for the type checker
         operations.append((CONSTANT, len(constants)))
         constants.append(float(node.value))
         return 1
@@ -196,7 +198,7 @@ class Term(Section):
         "pitch_rate",
     ]  # fmt: skip
     expression: Annotated[str, Field(max_length=1000)]
-    parameters: Annotated[dict[str, TermParameter], Field(strict=False, default_factory=dict)]
+    parameters: dict[str, TermParameter] = Field(default_factory=dict, strict=False)
 
     @model_validator(mode="after")
     def _usable(self) -> Term:

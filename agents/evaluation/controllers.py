@@ -5,9 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from ...baselines import registry
-from ...baselines.controller import Controller
-from ...baselines.registry import CONTROLLERS, ControllerError
+from ...baselines import Controller, ControllerError, controller_names, make_controller
 from ...core.sweep import source_digest
 from ...plant import Ship
 from ..policy.policy import PolicyError, load_policy, trained
@@ -17,7 +15,7 @@ _POLICY = "policy"
 
 def known() -> str:
     """What :func:`load_controller` takes, in words."""
-    return f"{', '.join(CONTROLLERS)}, policy:FILE.npz" + "".join(
+    return f"{', '.join(controller_names())}, policy:FILE.npz" + "".join(
         f", {_POLICY}:{name}" for name in trained()
     )
 
@@ -35,8 +33,8 @@ def load_controller(text: str, ship: Ship, interval_s: float) -> Controller:
         PolicyError: not a policy, or one of another version, ship, observation or interval.
     """
     name, _, source = text.partition(":")
-    if name in CONTROLLERS:
-        return registry.make_controller(text, ship, interval_s)
+    if name in controller_names():
+        return make_controller(text, ship, interval_s)
     if name != _POLICY or not source:
         raise ControllerError(f"unknown controller {text!r}; known: {known()}")
     policy = load_policy(source, ship)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...baselines.controller import Controller, readings
+from ...baselines.controller import Predictor, readings
 from ...envs import DEFAULTS, FrigateVectorEnv
 from ...envs.records import TRUTHS
 from ...envs.tasks import Task
@@ -55,7 +55,7 @@ class Setting:
 
 def run_episodes(
     setting: Setting,
-    controller: Controller,
+    controller: Predictor,
     first_seed: int | None = None,
     threads: int | None = None,
 ) -> tuple[pd.DataFrame, NDArray[np.float64]]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from ...baselines.controller import Controller
+from ...baselines.controller import Predictor
 from ...core.files import write_atomically, write_json, write_text
 from ...core.sweep import source_digest, sweep
 from ...plant import load_ship
@@ -73,7 +73,7 @@ class Episodes(NamedTuple):
 
 def evaluate(
     settings: Sequence[Setting],
-    make: Callable[[Setting], Controller],
+    make: Callable[[Setting], Predictor],
     folder: Path,
     **spread: Any,
 ) -> Evaluation:
@@ -98,7 +98,7 @@ def evaluate(
 
 def episodes(
     settings: Sequence[Setting],
-    make: Callable[[Setting], Controller],
+    make: Callable[[Setting], Predictor],
     folder: Path,
     *,
     jobs: int | None = None,
@@ -133,7 +133,7 @@ def episodes(
 
 
 def _sail(
-    make: Callable[[Setting], Controller], threads: int | None, setting: Setting
+    make: Callable[[Setting], Predictor], threads: int | None, setting: Setting
 ) -> dict[str, Any]:
     """A cell as it is kept; with one thread where other processes take the other cores."""
     kpis, trace = run_episodes(setting, make(setting), threads=threads)

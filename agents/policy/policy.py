@@ -18,7 +18,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ...baselines.controller import OBSERVED
+from ...baselines.controller import OBSERVED, Controller, Readings
 from ...core.files import write_atomically
 from ...envs.tasks import get_task
 from ...plant import Ship, load_ship
@@ -95,8 +95,8 @@ class Network:
         return np.asarray(np.tanh(x) if self.squashed else np.clip(x, -1.0, 1.0))
 
 
-class Policy:
-    """A learned controller; see :class:`shaftline.baselines.controller.Controller`.
+class Policy(Controller):
+    """A learned controller.
 
     Args:
         network: its weights.
@@ -119,25 +119,29 @@ class Policy:
         vessel = trained_on(about) if ship is None else ship
         if said := _differences(about.get("layout", {}), layout(vessel)):
             raise PolicyError("this policy does not fit: " + "; ".join(said))
-        self.adapter = PilotAdapter(
-            vessel, float(about["control_interval_s"]), Reach(**about["recipe"]["reach"])
-        )
+        super().__init__(vessel, float(about["control_interval_s"]))
+        self.adapter = PilotAdapter(vessel, self.interval_s, Reach(**about["recipe"]["reach"]))
 
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Actions for one observation or a batch, and the memory for the next call."""
-        features, memory = self.adapter.see(observation, state, episode_start)
+    def fresh(self, seen: Readings) -> NDArray[np.float64]:
+        """Memory of what is seen for the first time."""
+        return self.adapter.fresh(seen)
+
+    def act(
+        self, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What the speed pilot commands with the network's mean answers."""
+        features = self.adapter.take_in(seen, memory)
+        return self.adapter.set_points(self.network(features), memory, features)
+
+    def explore(
+        self, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same with the noise that the answers had in training."""
+        features = self.adapter.take_in(seen, memory)
         answer = self.network(features)
-        if not deterministic:
-            noise = np.random.default_rng().standard_normal(answer.shape)
-            answer = answer + np.exp(self.network.log_deviation) * noise.astype(np.float32)
-        action = self.adapter.command(answer, memory, features)
-        return (action if np.ndim(observation) > 1 else action[0]), memory
+        noise = np.random.default_rng().standard_normal(answer.shape)
+        answer = answer + np.exp(self.network.log_deviation) * noise.astype(np.float32)
+        return self.adapter.set_points(answer, memory, features)
 
     def summary(self) -> str:
         """What it was trained on, and how it was judged on the way, as text."""

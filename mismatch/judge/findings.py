@@ -28,7 +28,7 @@ class Finding:
         effect: the catalogue's entry.
         estimates: its parameters, in its order.
         score: what it brings in 2 log L, the other effects present.
-        threshold: that it had to pass.
+        threshold: that it had to pass, in 2 log L.
         rivals: names that the recording cannot tell from it.
         trace: what it changes in its balance, shape (rows,).
         row: index of that balance.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import pandas as pd
 
@@ -17,7 +18,7 @@ from .load import Recording, load_recording
 LEAST_ROWS = 40
 """Of a recording, so that there is something to fit and something to set aside."""
 
-Recorded = str | Path | Recording | pd.DataFrame
+Recorded: TypeAlias = str | Path | Recording | pd.DataFrame
 """A CSV or Parquet file; what :func:`.load_recording` made of one; or a table with canonical columns at
 an even interval, all finite, which is taken as it is."""
 

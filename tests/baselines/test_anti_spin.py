@@ -18,7 +18,7 @@ from shaftline.baselines.ventilation_detection import (
     torque_ratio,
     update_detection,
 )
-from shaftline.observers.base import model_torque
+from shaftline.observers.torque_curve import model_torque
 from shaftline.plant import Ship, equilibrium, load_ship
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
 from shaftline.plant.dynamics import evaluate

@@ -63,7 +63,7 @@ def value(ship: Ship, expression: str, heard: Heard = HEARD, **numbers: float) -
 )  # fmt: skip
 def test_an_expression_means_what_it_says(frigate: Ship, expression: str, expected: float) -> None:
     numbers = {"a": 4.0, "b": 3.0} if "a *" in expression else {}
-    assert value(frigate, expression, **numbers) == pytest.approx(expected, rel=1e-14)
+    assert value(frigate, expression, HEARD, **numbers) == pytest.approx(expected, rel=1e-14)
 
 
 @given(

@@ -124,8 +124,8 @@ def test_ventilation_is_named_where_the_submergence_was_measured() -> None:
     table = frigate_voyage(values, seed=3, extra={"propeller_submergence_m": submergence})
     found = diagnose(load_ship("frigate"), table)
     _named(found, "ventilation", "propeller")
-    values = [estimate.value for estimate in found.findings[0].estimates]
-    assert values == pytest.approx([0.4, 1.1], rel=0.1)
+    sizes = [estimate.value for estimate in found.findings[0].estimates]
+    assert sizes == pytest.approx([0.4, 1.1], rel=0.1)
 
 
 def test_an_inflow_lag_is_named_where_the_inflow_was_measured() -> None:
