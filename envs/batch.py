@@ -16,7 +16,6 @@ from ..observers import get_observer
 from ..observers.base import ESTIMATE
 from ..plant import Ship, equilibrium, load_ship, realise
 from ..plant.dynamics import settled
-from ..plant.ship import record_name
 from ..plant.state import Inputs, State
 from ..plant.stepping import Disturbance, prepare
 from ..plant.waves import calm
@@ -97,9 +96,9 @@ class Batch:
         self.interval_s = self.steps * self.dt
         self.seas_to_draw = seas_of(settings.sea, self.task)
         check_randomise(self.ship, settings.randomise or {})
-        self._varied = {
-            record_name(key, self.ship): width for key, width in (settings.randomise or {}).items()
-        }
+        self._varied = [
+            (self.ship.number(key), width) for key, width in (settings.randomise or {}).items()
+        ]
         self.gains = np.zeros((3, 0))
         if settings.action_mode == "shaft-speed":
             self.gains = _governor_gains(self.ship)
@@ -145,8 +144,8 @@ class Batch:
         """
         task, episode, plant = self.task, self.arrays.episodes[i], self.arrays.plants[i]
         self.arrays.plants[i] = self._plant
-        for name, width in self._varied.items():
-            plant[name] *= rng.uniform(1.0 - width, 1.0 + width)
+        for number, width in self._varied:
+            number.write(plant, number.value * rng.uniform(1.0 - width, 1.0 + width))
         sea = begin.seas[int(rng.integers(len(begin.seas)))]
         wave_seed = int(rng.integers(2**31))
         self.arrays.seas[i] = (

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant import Sea, Ship, get_sea
-from ..plant.keys import info_of
 from .records import MAX_ORDERS, NOISE
 from .tasks import Task
 
@@ -184,8 +183,7 @@ def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
             raise ValueError(f"{where}: must be a number of the ship's file by its dotted key")
         if not 0.0 <= width < 1.0:
             raise ValueError(f"{where}: must be a half width from 0 to below 1")
-        info = info_of(ship.key(key))
-        value = ship.value(key)
+        _, value, info, *_ = ship.number(key)
         if value == 0.0 or not math.isfinite(value):
             raise ValueError(f"{where}: the ship has {value:g} there, which a factor does not vary")
         ends = sorted((value * (1.0 - width), value * (1.0 + width)))

@@ -52,15 +52,15 @@ class Estimate:
             key: dotted key.
             value: in the key's unit, likewise the others.
             standard_error: by the noise of the recording, in the same unit.
-            form_error: by the form of the model.
-            neutral: another value that changes nothing.
+            form_error: by the form of the model, in the same unit.
+            neutral: another value that changes nothing, in the same unit.
 
         Raises:
             ShipError: unknown key.
         """
         info = key_info(key, ship)
         if neutral is None:
-            neutral = ship.value(key)
+            neutral = ship.number(key).value
         return cls(
             key, value, info.unit, (info.low, info.high), neutral, standard_error, form_error
         )

@@ -70,9 +70,7 @@ def test_a_recipe_asks_for_no_more_places_than_the_house_allows(recipe: str) -> 
 
 
 NO_TEST = "has no test in its mirror yet"
-LISTED = "the registry lists it by hand, and observers have codes beside it"
 NEEDED = {
-    "observer-Luenberger": NO_TEST,
     "observer-PowerBalance": NO_TEST,
     "reward-term-torque_swing_kN_m": NO_TEST,
     "drive-TorqueSource": NO_TEST,
@@ -81,10 +79,6 @@ NEEDED = {
 """Where a place of a recipe is not there yet, and why."""
 
 ONLY = {
-    "observer-Luenberger": LISTED,
-    "observer-PowerBalance": LISTED,
-    "controller-CppOptimiser": LISTED,
-    "controller-AntiSpin": LISTED,
     "drive-DcMotor": "plant/ship.py asks for the class, mismatch/report/regimes.py for the type's unit",
 }
 """Where one place more has to be touched today, and why."""

@@ -240,3 +240,27 @@ def test_every_signal_and_function_is_reached(frigate: Ship) -> None:
     for i, name in enumerate(SIGNALS):
         assert value(frigate, name) == HEARD[i]
     assert len({code for code, _ in FUNCTIONS.values()}) == len(FUNCTIONS)
+
+
+def test_a_terms_parameter_is_a_number_of_the_ship(frigate: Ship) -> None:
+    given = {"a": 2.0, "k": {"value": 3.0, "unit": "N m s/rad", "low": 0.0, "high": 9.0}}
+    first = {"id": "first", "acts_on": "thrust", "expression": "5"}
+    term = {"id": "more-drag", "acts_on": "load_torque", "expression": "a * k", "parameters": given}
+    ship = frigate.with_values({"term": [first, term]})
+    number = ship.number("term.more-drag.k")
+    assert (number.value, number.info.unit, number.info.low, number.info.high) == (
+        3.0, "N m s/rad", 0.0, 9.0,
+    )  # fmt: skip
+    changed = ship.with_values({"term.more-drag.k": 4.0})
+    assert changed.term[1].parameters["k"].unit == "N m s/rad"
+    record = ship.record()
+    number.write(record, 4.0)
+    assert record.tobytes() == changed.record().tobytes()
+    assert number.read(record) == 4.0
+    assert frigate.with_term(ship.term[0]).with_term(ship.term[1]) == ship
+    for key in ("term.more-drag.b", "term.other.k", "term.more-drag", "term"):
+        assert not ship.has_key(key)
+    with pytest.raises(ShipError, match="outside 0 to 9"):
+        ship.with_values({"term.more-drag.k": 10.0})
+    with pytest.raises(ShipError, match=r"term.other.k is not a known key"):
+        ship.with_values({"term.other.k": 1.0})
