@@ -60,13 +60,13 @@ class Toy:
         known: tolerance of the resistance; everything else is known exactly.
     """
 
-    names = ["engine", "hull"]
-    units = ["N m", "N"]
+    names = ("engine", "hull")
+    units = ("N m", "N")
     moving = True
     prime_mover = "engine"
     controllable = False
     start = (1.2, 10.0, 7.0)
-    segments = [(0, ROWS)]
+    segments = ((0, ROWS),)
     interval_s = 1.0
     rows = ROWS
     excited = True

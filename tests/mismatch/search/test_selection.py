@@ -187,7 +187,9 @@ def test_the_ranking_tells_the_first_round_by_gain() -> None:
 
 
 def test_effects_are_added_while_they_pass_and_three_at_most() -> None:
-    worth: dict[Any, float] = {e.label: g for e, g in zip((LAG, FOULING, DERATING, CURRENT), (400.0, 300.0, 200.0, 100.0), strict=True)}  # fmt: skip
+    worth: dict[Any, float] = {
+        LAG.label: 400.0, FOULING.label: 300.0, DERATING.label: 200.0, CURRENT.label: 100.0,
+    }  # fmt: skip
     scores = Scores(worth)
     found = selector(scores, CURRENT, DERATING, FOULING, LAG).search()
     assert [p.effect for p in found.fit.effects] == [LAG, FOULING, DERATING]

@@ -53,8 +53,11 @@ def test_records_and_ships_carry_the_same_numbers(trial_ship: TrialShip) -> None
     assert trial_ship.corrected(()) == trial_ship.ship
 
 
-def test_an_effect_is_absent_at_the_ship_s_own_value(toy: Any) -> None:
-    own = TrialShip(Toy({}, white(0, 1.0, 1.0), ship=load_ship("frigate").with_values({FRICTION: 900.0})))  # type: ignore[arg-type]  # fmt: skip
+def test_an_effect_is_absent_at_the_ship_s_own_value() -> None:
+    rubbing: Any = Toy(
+        {}, white(0, 1.0, 1.0), ship=load_ship("frigate").with_values({FRICTION: 900.0})
+    )
+    own = TrialShip(rubbing)
     friction, gain = (
         ENGINE_FRICTION.parameters[0],
         entry("torque-sensor-gain (sensor)").parameters[0],
