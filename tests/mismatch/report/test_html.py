@@ -5,22 +5,27 @@ from __future__ import annotations
 import re
 from html import unescape
 from html.parser import HTMLParser
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 import pytest
 
-from shaftline.mismatch import Diagnosis, Effect, catalogue
-from shaftline.mismatch.judge.whiteness import Colour
+from shaftline.mismatch import Diagnosis, catalogue
 from shaftline.mismatch.report import figures
-from shaftline.mismatch.report.figures import sea_band, smooth_spectrum
-from shaftline.mismatch.report.html import report_html
-from shaftline.mismatch.report.panels import equation
-from shaftline.mismatch.report.remarks import remarks
-from shaftline.mismatch.report.wording import measure, number, parameter_words, scaled, spans
+from shaftline.mismatch.report.html import (
+    _detectable,
+    _facts,
+    _fits,
+    _shape,
+    _status,
+    _untold,
+    report_html,
+)
+from shaftline.mismatch.report.text import CONSTANT
 from shaftline.plant import load_ship
 
-from ..diagnoses import FRICTION, TIME, channels, diagnosis_of
+from ..diagnoses import FRICTION, channels, diagnosis_of
 
 
 class Outline(HTMLParser):
@@ -122,7 +127,8 @@ def test_a_finding_is_told_in_full(pages: dict[str, tuple[Diagnosis, str]]) -> N
     effect = diagnosis.findings[0].effect
     for told in (
         "Coulomb friction", "8.00", "6.95 … 9.05", "kN m", FRICTION, effect.split_by,
-        "viscous-friction (engine)", "60 to 120 s", "shaft speed above 11 rad/s", "0.1.0",
+        "viscous-friction (engine)", "60 to 120 s", "shaft speed above 11 rad/s",
+        f"shaftline {version('shaftline')}",
         "98 % of the slow difference", "324 N m",
     ):  # fmt: skip
         assert told in text, told
@@ -135,6 +141,20 @@ def test_texts_are_escaped(pages: dict[str, tuple[Diagnosis, str]]) -> None:
     assert "a&lt;b ship" in page
 
 
+def test_unexplained_without_a_shape_gives_a_page() -> None:
+    ship = load_ship("frigate")
+    worse = dict.fromkeys(channels(0.0), -20.0)
+    page = report_html(
+        diagnosis_of(
+            "unexplained", shape=None, shape_windows=[], corrected=ship, fit_after=worse,
+            fit_before={"pitch_ratio": 84.5},
+        )
+    )  # fmt: skip
+    assert page.count("<small>constant: no FitPercent</small>") == 1
+    assert "has no name</h2>" not in page
+    assert "−20.0" not in page  # nothing was corrected
+
+
 def test_the_same_diagnosis_gives_the_same_drawing(
     pages: dict[str, tuple[Diagnosis, str]],
 ) -> None:
@@ -142,71 +162,101 @@ def test_the_same_diagnosis_gives_the_same_drawing(
     assert drawn in pages["explained"][1]
 
 
-def test_unexplained_without_a_shape_gives_a_page() -> None:
-    ship = load_ship("frigate")
-    worse = dict.fromkeys(channels(0.0), -20.0)
-    page = report_html(
-        diagnosis_of("unexplained", shape=None, shape_windows=[], corrected=ship, fit_after=worse)
+def test_facts_are_those_of_the_recording(pages: dict[str, tuple[Diagnosis, str]]) -> None:
+    _, page = pages["explained"]
+    text = " ".join(unescape(re.sub(r"<[^>]*>", " ", page)).split())
+    for told in (
+        "Ship frigate",
+        "Recording 240 s (4 min), 1200 rows, one every 0.2 s",
+        "Set aside, never fitted 180 to 240 s",
+        "Balances checked hull, engine",
+        f"Effects tried 3 of {len(catalogue())} in the catalogue",
+        "Explained 98 % of the slow difference beyond noise",
+        "Gain on what was set aside 285 in 2 log L",
+        "pitch ratio 84.5 → 99.4 %",
+        "gain 347 in 2 log L, threshold 10.5",
+        "cannot tell it from viscous-friction (engine) with viscous friction engine side 700 N m s/rad",
+        "The best 3 of 3 entries",
+    ):
+        assert told in text, told
+    assert "width:84.5%" in page
+    assert "width:99.4%" in page
+
+
+def test_short_recordings_are_told_in_seconds_alone() -> None:
+    short = {
+        name: getattr(diagnosis_of("nothing-missing"), name)[..., :595]
+        for name in ("time_s", "drive", "residual_before", "residual_after")
+    }
+    facts = dict(_facts(diagnosis_of("nothing-missing", held_out=[(100.0, 118.0)], **short)))
+    assert facts["Recording"] == "119 s, 595 rows, one every 0.2 s"
+    assert facts["Set aside, never fitted"] == "100.0 to 118.0 s"
+    longer = dict(_facts(diagnosis_of("nothing-missing", time_s=np.linspace(0.0, 120.0, 1200))))
+    assert longer["Recording"] == "120 s (2 min), 1200 rows, one every 0.1 s"
+
+
+@pytest.mark.parametrize(
+    ("value", "percent", "width"),
+    [
+        (-0.01, "0.0", "0.0"),
+        (-12.34, "−12.3", "0.0"),
+        (199.94, "199.9", "100.0"),
+        (-3000.4, "−3000", "0.0"),
+        (float("-inf"), "−inf", "0"),
+    ],
+)
+def test_fits_are_drawn_between_0_and_100(value: float, percent: str, width: str) -> None:
+    diagnosis = diagnosis_of(
+        "nothing-missing", fit_before={"pitch_ratio": value}, fit_after={"pitch_ratio": 50.0}
     )
-    assert "has no name</h2>" not in page
-    assert "−20.0" not in page  # nothing was corrected
+    fit, constant = _fits(diagnosis)
+    assert (fit["before"], fit["wide_before"]) == (percent, width)
+    assert (fit["after"], fit["wide_after"], fit["name"]) == ("50.0", "50.0", "pitch ratio")
+    assert constant == {"name": "shaft speed", "none": CONSTANT}
 
 
-def test_a_correction_that_does_harm_is_said_to() -> None:
-    worse = dict.fromkeys(channels(0.0), -20.0)
-    (said,) = remarks(diagnosis_of("unexplained", fit_after=worse))
-    assert "worse than the nominal one" in said
+@pytest.mark.parametrize(
+    ("verdict", "changes", "status"),
+    [
+        ("explained", {"limits": ["dull"], "excited": False}, "explained"),
+        ("nothing-missing", {"limits": ["dull"]}, "undecided"),
+        ("nothing-missing", {"limits": [], "excited": False}, "nothing-missing"),
+        ("unexplained", {"limits": ["dull"], "excited": False}, "undecided"),
+        ("unexplained", {"limits": ["dull"]}, "unexplained"),
+    ],
+)
+def test_what_limits_the_recording_may_leave_it_undecided(
+    verdict: str, changes: dict[str, Any], status: str
+) -> None:
+    assert _status(diagnosis_of(verdict, **changes)) == status
 
 
-def test_what_acts_only_on_the_part_set_aside_is_said() -> None:
-    residual = diagnosis_of("nothing-missing").residual_before.copy()
-    residual[1] = 300.0 * np.sin(TIME) - 9000.0 * (TIME > 200.0)
-    (said,) = remarks(diagnosis_of("nothing-missing", residual_after=residual))
-    assert said.startswith("In the engine balance,")
-    assert "times as much is missing on the part set aside" in said
+def test_a_shape_is_told_by_its_knots() -> None:
+    diagnosis = diagnosis_of("unexplained", shape_regime="shaft_speed above 11 rad/s")
+    assert _shape(diagnosis) == {
+        "signal": "shaft speed",
+        "unit": "kN m",
+        "rows": [("9.00", "0"), ("10.0", "−12.0"), ("11.0", "0.500")],
+        "gain": "300",
+        "threshold": "40.0",
+        "windows": "20 to 50 s",
+        "regime": "shaft speed above 11 rad/s",
+    }
+    assert _shape(diagnosis_of("explained")) is None
 
 
-def test_what_a_finding_leaves_is_said() -> None:
-    (said,) = remarks(diagnosis_of("explained", left_over=Colour(0, 1, 0.005, 0.02, 14.0)))
-    assert "in the engine balance, 14 times its power between 0.0050 and 0.020 Hz" in said
-
-
-@pytest.mark.parametrize("effect", catalogue(), ids=lambda effect: effect.label)
-def test_every_equation_can_be_set(effect: Effect) -> None:
-    assert equation(effect.latex, effect.equation, "e").startswith("<svg")
-
-
-def test_an_equation_that_cannot_be_set_is_told_in_plain_text() -> None:
-    assert equation(r"\nonsense{", "a < b", "e") == "<code>a &lt; b</code>"
-
-
-def test_numbers_are_readable() -> None:
-    assert number(0.0) == "0"
-    assert number(8.0) == "8.00"
-    assert number(-1541.28) == "−1540"
-    assert number(23956.0) == "24 000"
-    assert number(5.34e-5) == "5.34·10⁻⁵"
-    assert number(float("inf")) == "∞"
-    assert number(0.09996) == "0.100"
-    assert measure(13900.0, "N m") == "13.9 kN m"
-    assert measure(571.0, "kg m2") == "571 kg m²"
-    assert measure(0.03, "-") == "0.0300"
-    assert scaled(3.4e6, "N") == (1e6, "MN")
-    assert (
-        parameter_words("coulomb_friction_engine_side_N_m", "N m") == "coulomb friction engine side"
-    )
-    assert parameter_words("dead_band", "-") == "dead band"
-    assert spans([(0.0, 1200.0)], 1200.0).startswith("the whole recording")
-
-
-def test_waves_are_seen_in_a_spectrum_and_white_noise_has_none() -> None:
-    rng = np.random.default_rng(4)
-    white = rng.standard_normal(12000)
-    time = np.arange(12000) * 0.1
-    swell = sum(
-        0.5 * np.sin(2 * np.pi * f * time + k) for k, f in enumerate((0.13, 0.14, 0.15, 0.16))
-    )
-    assert sea_band(*smooth_spectrum(white, 10.0, 1200)) is None
-    band = sea_band(*smooth_spectrum(white + swell, 10.0, 1200))
-    assert band is not None
-    assert band[0] < 0.15 < band[1]
+def test_what_has_no_smallest_size_is_listed_with_the_reason() -> None:
+    diagnosis = diagnosis_of("explained")
+    told = _untold(diagnosis)
+    assert told["unsized"] == ["viscous-friction (engine)", "hull-fouling (hull)"]
+    tried = {c.effect.label for c, _ in diagnosis.ranking}
+    assert sorted([*told["untried"], *tried]) == sorted(e.label for e in catalogue())
+    assert _detectable(diagnosis) == [
+        {
+            "effect": "Coulomb friction",
+            "balance": "engine",
+            "parameter": "coulomb friction engine side",
+            "size": "324 N m",
+            "needs": diagnosis.findings[0].effect.excitation,
+        }
+    ]
