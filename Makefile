@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
 
-.PHONY: run test test-slow coverage check docs results clean
+.PHONY: run test test-slow coverage check mutants docs results clean
 
 run: $(INSTALLED)
 	$(BIN)/shaftline tour --out out/tour
@@ -24,6 +24,10 @@ check: $(INSTALLED)
 	mkdir -p .venv/source && ln -sfn "$(CURDIR)" .venv/source/shaftline
 	MYPYPATH=.venv/source $(BIN)/mypy -p shaftline
 	MYPYPATH=.venv/source $(BIN)/mypy tests
+
+# small wrong changes to the code, one at a time: which do the tests notice? (about an hour; resumes)
+mutants: $(INSTALLED)
+	$(BIN)/python -m tests.mutants --out docs/results/mutants.md
 
 docs: $(INSTALLED)
 	$(BIN)/shaftline list --markdown docs/reference.md

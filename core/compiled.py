@@ -19,7 +19,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-_LAYERS = ("core", "plant", "observers", "baselines", "envs", "mismatch", "studies")
+_LAYERS = (
+    "core", "plant", "observers", "baselines", "envs", "mismatch", "proof", "studies",
+)  # fmt: skip
 """Folders with kernels; each calls kernels of those before it only."""
 
 

@@ -6,23 +6,15 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import pytest
 
-from shaftline.agents.evaluation.episodes import Setting
-from shaftline.agents.evaluation.sweeps import _version, evaluate
-from shaftline.baselines.combinator import Combinator
-from shaftline.core.sweep import SweepError, source_digest, sweep
-
-CELLS = [
-    Setting("combinator", "transit", sea, "random-walk-kalman", seeds=3, episode_s=20.0)
-    for sea in ("calm", "state-3", "state-5")
-]
+import shaftline.core.sweep as module
+from shaftline.core.sweep import SweepError, check_backend, refuse_another, source_digest, sweep
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +31,6 @@ def cluster() -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def make() -> Any:
-    made = Combinator("frigate", 0.5)
-    return lambda _: made
-
-
-@pytest.fixture(scope="module")
 def not_three() -> Any:
     def not_three(number: int) -> int:
         if number == 3:
@@ -54,61 +40,58 @@ def not_three() -> Any:
     return not_three
 
 
-@pytest.fixture(scope="module")
-def one_by_one(make: Any, tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
-    return evaluate(CELLS, make, tmp_path_factory.mktemp("one"), jobs=1).table
-
-
-def test_processes_change_no_figure(make: Any, one_by_one: pd.DataFrame, tmp_path: Path) -> None:
-    ticks: list[int] = []
-    found = evaluate(CELLS, make, tmp_path, jobs=2, tick=lambda: ticks.append(1))
-    pd.testing.assert_frame_equal(found.table, one_by_one, check_exact=True)
-    assert len(ticks) == len(found.traces) == len(CELLS)
-
-
-def test_a_cluster_changes_no_figure(
-    make: Any, one_by_one: pd.DataFrame, cluster: str, tmp_path: Path
-) -> None:
-    found = evaluate(CELLS, make, tmp_path, backend="dask", scheduler=cluster)
-    pd.testing.assert_frame_equal(found.table, one_by_one, check_exact=True)
-
-
-def test_only_a_deleted_cell_is_sailed_again(
-    make: Any, one_by_one: pd.DataFrame, tmp_path: Path
-) -> None:
-    evaluate(CELLS, make, tmp_path, jobs=1)
-    (deleted,) = (tmp_path / "cells").glob("*state-3*")
-    deleted.unlink()
-    sailed: list[Setting] = []
-
-    def counting(setting: Setting) -> Combinator:
-        sailed.append(setting)
-        return make(setting)  # type: ignore[no-any-return]
-
-    again = evaluate(CELLS, counting, tmp_path, jobs=1)
-    assert sailed == [CELLS[1]]
-    pd.testing.assert_frame_equal(again.table, one_by_one, check_exact=True)
-
-
-def test_a_changed_ship_is_sailed_anew(make: Any, tmp_path: Path) -> None:
-    mine = tmp_path / "mine.toml"
-    text = (Path(__file__).parents[2] / "plant/ships/frigate.toml").read_text(encoding="utf-8")
-    mine.write_text(text, encoding="utf-8")
-    cells = [replace(CELLS[0], ship=str(mine))]
-    evaluate(cells, make, tmp_path, jobs=1)
-    evaluate(cells, make, tmp_path, jobs=1)
-    assert len(list((tmp_path / "cells").iterdir())) == 1
-    mine.write_text(text.replace("diameter_m = 4.2", "diameter_m = 4.1"), encoding="utf-8")
-    _version.cache_clear()  # as another run of the command has it
-    evaluate(cells, make, tmp_path, jobs=1)
-    assert len(list((tmp_path / "cells").iterdir())) == 2
-
-
-def test_the_source_digest_tells_folders_apart() -> None:
-    assert source_digest("plant") == source_digest("plant") != source_digest("plant", "envs")
-
-
 NUMBERS = {f"n{i}": i for i in range(6)}
+SQUARES = {f"n{i}": i**2 for i in range(6)}
+
+
+@pytest.fixture(scope="module")
+def square() -> Any:
+    return lambda number: number**2
+
+
+@pytest.mark.parametrize("jobs", [None, 1, 2])
+def test_results_come_in_the_order_of_the_cells(
+    jobs: int | None, square: Any, tmp_path: Path
+) -> None:
+    ticks: list[int] = []
+    found = sweep(square, NUMBERS, tmp_path, jobs=jobs, tick=lambda: ticks.append(1))
+    assert list(found.items()) == list(SQUARES.items())
+    assert len(ticks) == len(NUMBERS)
+    assert {file.name: json.loads(file.read_text()) for file in tmp_path.iterdir()} == {
+        f"{name}.json": square for name, square in SQUARES.items()
+    }
+
+
+def test_only_what_is_missing_is_worked_on(square: Any, tmp_path: Path) -> None:
+    sweep(square, NUMBERS, tmp_path, jobs=1)
+    (tmp_path / "n2.json").unlink()
+    worked: list[int] = []
+    ticks: list[int] = []
+
+    def counting(number: int) -> int:
+        worked.append(number)
+        return number**2
+
+    again = sweep(counting, NUMBERS, tmp_path, jobs=1, tick=lambda: ticks.append(1))
+    assert (worked, again) == ([2], SQUARES)
+    assert len(ticks) == len(NUMBERS)
+    assert sweep(counting, NUMBERS, tmp_path, jobs=1) == SQUARES
+    assert worked == [2]
+
+
+def test_no_more_processes_than_asked(tmp_path: Path) -> None:
+    def who(_: int) -> int:
+        time.sleep(0.05)
+        return os.getpid()
+
+    assert set(sweep(who, NUMBERS, tmp_path / "one", jobs=1).values()) == {os.getpid()}
+    two = set(sweep(who, NUMBERS, tmp_path / "two", jobs=2).values())
+    assert len(two) <= 2
+    assert os.getpid() not in two
+
+
+def test_a_cluster_gives_what_one_process_does(square: Any, cluster: str, tmp_path: Path) -> None:
+    assert sweep(square, NUMBERS, tmp_path, backend="dask", scheduler=cluster) == SQUARES
 
 
 @pytest.mark.parametrize("spread", ["one", "processes", "dask"])
@@ -201,3 +184,62 @@ def test_no_scheduler_answers(
     monkeypatch.setattr("shaftline.core.sweep._PATIENCE_S", 0.5)
     with pytest.raises(SweepError, match=f"--scheduler {address}: no dask scheduler answers"):
         sweep(abs, NUMBERS, tmp_path, backend="dask", scheduler=address)
+
+
+def test_options_that_go_together() -> None:
+    check_backend(None, "processes", None)
+    check_backend(1, "processes", None)
+    check_backend(None, "dask", "tcp://127.0.0.1:1")
+
+
+@pytest.fixture
+def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A small house of which the digest is taken."""
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "core" / "sweep.py"))
+    for name in ("plant/a.py", "plant/deep/b.toml", "plant/c.csv", "plant/notes.md", "envs/d.py"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    source_digest.cache_clear()
+    yield tmp_path
+    source_digest.cache_clear()
+
+
+def digest(*places: str) -> str:
+    source_digest.cache_clear()
+    return source_digest(*places)
+
+
+def test_the_digest_tells_folders_and_files_apart(house: Path) -> None:
+    found = {digest(*p) for p in (("plant",), ("envs",), ("plant", "envs"), ("plant/a.py",))}
+    assert len(found) == 4
+    assert all(len(one) == 8 for one in found)
+    assert digest("plant") in found
+
+
+@pytest.mark.parametrize("name", ["a.py", "deep/b.toml", "c.csv"])
+def test_the_digest_changes_with_source_and_data(house: Path, name: str) -> None:
+    before = digest("plant")
+    (house / "plant" / name).write_text("other")
+    assert digest("plant") != before
+
+
+def test_the_digest_changes_with_a_files_name_and_not_with_notes(house: Path) -> None:
+    before = digest("plant")
+    (house / "plant/notes.md").write_text("other")
+    assert digest("plant") == before
+    (house / "plant/a.py").rename(house / "plant/z.py")
+    assert digest("plant") != before
+
+
+def test_a_folder_holds_one_plan(tmp_path: Path) -> None:
+    note = tmp_path / "plan.json"
+    plan = {"seeds": 3, "ship": {"name": "frigate"}, "steps": (1, 2)}
+    refuse_another(tmp_path, note, plan, "proof")  # nothing is there yet
+    note.write_text(json.dumps(plan | {"more": 1}))
+    refuse_another(tmp_path, note, plan, "proof")
+    with pytest.raises(ValueError, match=r"holds a proof of another seeds \(3, now 4\); remove it"):
+        refuse_another(tmp_path, note, plan | {"seeds": 4}, "proof")
+    with pytest.raises(ValueError, match=r"a proof of another ship; remove it or give another"):
+        refuse_another(tmp_path, note, plan | {"ship": {"name": "ferry"}}, "proof")
+    with pytest.raises(ValueError, match=r"another new \(None, now 1\)"):
+        refuse_another(tmp_path, note, plan | {"new": 1}, "proof")
