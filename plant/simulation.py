@@ -68,7 +68,7 @@ def trajectory(
     """Simulate one ship's record and keep every sample: :func:`simulate` without its checks.
 
     Args:
-        plant: PLANT record; :func:`shaftline.plant.ship.record_name` tells which field a key sets.
+        plant: PLANT record; :meth:`shaftline.plant.Ship.number` tells which field a key sets.
         state: STATE record, the initial state; the final one afterwards.
         memory: MEMORY record, filled from the initial state whatever it held.
         sea: SEA record, changed in place.

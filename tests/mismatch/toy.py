@@ -14,7 +14,6 @@ from shaftline.mismatch import Effect, catalogue
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.spectra import Bands, make_bands
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.ship import record_name
 
 Array = NDArray[np.float64]
 
@@ -95,8 +94,8 @@ class Toy:
         own = self.ship.record()
         rows = np.zeros((2, ROWS))
         for key, slope in SLOPES.items():
-            field = record_name(key, self.ship)
-            rows += slope * (float(plant[field]) - float(own[field]))
+            number = self.ship.number(key)
+            rows += slope * (number.read(plant) - number.read(own))
         level = {
             "propeller_torque": 2e5, "brake_torque": 3e4, "resistance": 1.5e5, "ship_speed": 7.0,
             "motor_current": 0.0, "pitch_ratio": 1.2, "shaft_speed": SPEED, "drive": 20.0 + steps(5),

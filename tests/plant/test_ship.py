@@ -11,7 +11,6 @@ import pytest
 
 from shaftline.plant import Ship, ShipError, load_ship, ship_names, write_ship
 from shaftline.plant.memory import HISTORY
-from shaftline.plant.ship import key_info, record_name
 
 FRIGATE = resources.files("shaftline.plant").joinpath("ships/frigate.toml").read_text("utf-8")
 
@@ -214,17 +213,17 @@ def test_ship_is_written_to_toml_only(frigate: Ship, tmp_path: Path) -> None:
 def test_key_has_a_field_and_a_range(
     frigate: Ship, key: str, field: str, info: tuple[object, ...]
 ) -> None:
-    assert record_name(key, frigate) == field
-    assert key_info(key, frigate) == info
+    assert frigate.number(key).field == field
+    assert frigate.number(key).info == info
 
 
 def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
     tug = load_ship("tito-neri-sine")
-    assert record_name("prime_mover.command_dead_zone_V", tug) == "command_dead_zone"
+    assert tug.number("prime_mover.command_dead_zone_V").field == "command_dead_zone"
     with pytest.raises(
         ShipError, match=r"frigate: prime_mover\.command_dead_zone_V is not a known"
     ):
-        record_name("prime_mover.command_dead_zone_V", frigate)
+        frigate.number("prime_mover.command_dead_zone_V")
 
 
 @pytest.mark.parametrize(
@@ -241,7 +240,7 @@ def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
 )
 def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
     with pytest.raises(ShipError, match=f"{key} is not a known key"):
-        key_info(key, frigate)
+        frigate.number(key)
 
 
 @pytest.mark.parametrize(
@@ -250,7 +249,7 @@ def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
 )
 def test_key_without_a_field_of_its_own_is_named(frigate: Ship, key: str) -> None:
     with pytest.raises(ShipError, match=f"{key} has no field of its own"):
-        record_name(key, frigate)
+        frigate.number(key)
 
 
 def test_ship_is_frozen(frigate: Ship) -> None:
