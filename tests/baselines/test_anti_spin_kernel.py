@@ -127,7 +127,7 @@ def instant(controller: AntiSpin, memory: Any, *, calm: float, thrust: float, sp
     """Rack of one ship at one instant; the memory changes."""
     given = (np.array([x]) for x in (calm, thrust, speed, torque, pitch, ship, rack))
     out = np.zeros(1)
-    control_fleet(controller.settings, memory, *given, out)
+    control_fleet(controller.settings, memory, *given, out)  # type: ignore[call-arg]
     return float(out[0])
 
 

@@ -46,7 +46,7 @@ def test_readings_have_their_names() -> None:
     )  # fmt: skip
     seen = readings([ROW, ROW])
     assert [column.tolist() for column in seen] == [[x, x] for x in ROW]
-    assert all(column.shape == (1,) for column in readings(np.float32(ROW)))
+    assert all(column.shape == (1,) for column in readings(np.array(ROW, np.float32)))
     assert readings(ROW).shaft_torque.dtype == np.float64
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.seeding import np_random
 
-from shaftline.baselines.controller import scaled
+from shaftline.baselines.actions import encode
 from shaftline.baselines.governor import tune
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, Settings, get_task
 from shaftline.envs.batch import Batch, _governor_gains, _steady_table
@@ -32,8 +32,8 @@ def held(env: FrigateEnv | FrigateVectorEnv) -> Any:
     """The action of the commands with which an episode began."""
     episode, plant = env.batch.arrays.episodes[0], env.batch.ship.record()
     return np.array(
-        [scaled(episode["pitch_command"], plant["pitch_ratio_min"], plant["pitch_ratio_max"]),
-         scaled(episode["drive"], plant["drive_min"], plant["drive_max"])], np.float32,
+        [encode(episode["pitch_command"], plant["pitch_ratio_min"], plant["pitch_ratio_max"]),
+         encode(episode["drive"], plant["drive_min"], plant["drive_max"])], np.float32,
     )  # fmt: skip
 
 

@@ -21,7 +21,8 @@ from shaftline.envs.kernel import (
 )
 from shaftline.envs.records import EPISODE
 from shaftline.observers import get_observer, update
-from shaftline.observers.base import ESTIMATE, Measurement, model_torque
+from shaftline.observers.base import ESTIMATE, Measurement
+from shaftline.observers.torque_curve import model_torque
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.cavitation import burrill_ratio
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
@@ -320,7 +321,7 @@ def test_terms_begin_anew_at_every_interval() -> None:
 
 
 def test_weights_are_the_tasks() -> None:
-    weights = FrigateEnv(task="storm").batch.weights
+    weights = FrigateEnv(task="storm").batch.common["weights"]
     assert {name: weights[name] for name in weights.dtype.names} == get_task(
         "storm"
     ).weights.model_dump()

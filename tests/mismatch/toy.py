@@ -96,7 +96,7 @@ class Toy:
         for key, slope in SLOPES.items():
             number = self.ship.number(key)
             rows += slope * (number.read(plant) - number.read(own))
-        level = {
+        level: dict[str, Any] = {
             "propeller_torque": 2e5, "brake_torque": 3e4, "resistance": 1.5e5, "ship_speed": 7.0,
             "motor_current": 0.0, "pitch_ratio": 1.2, "shaft_speed": SPEED, "drive": 20.0 + steps(5),
         }  # fmt: skip

@@ -15,8 +15,9 @@ from shaftline.agents.policy.pilot_adapter import (
     PilotAdapter,
     Reach,
 )
+from shaftline.baselines.actions import actions
 from shaftline.baselines.combinator import combinator_curve
-from shaftline.baselines.controller import OBSERVED, actions
+from shaftline.baselines.controller import OBSERVED
 from shaftline.baselines.speed_pilot import Settings, Slowed, SpeedPilot
 from shaftline.baselines.steady_points import steady_point
 from shaftline.envs import FrigateVectorEnv
@@ -126,7 +127,7 @@ def test_answers_are_settings_of_the_speed_pilot(observed: Any) -> None:
         pitch, rack, integral = pilot.command(
             seen["speed_order"], seen["shaft_speed"], seen["shaft_torque"], slowed, settings
         )
-        assert action == pytest.approx(actions(ship, rows, pitch, rack), abs=1e-7)
+        assert action == pytest.approx(actions(ship.record(), pitch, rack), abs=1e-7)
         assert memory[:, 8] == pytest.approx(integral)
         assert memory[:, 9:] == pytest.approx(followed)
     assert np.abs(integral).max() > 0.0
