@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
 
-.PHONY: run test test-slow check mutants docs results clean
+.PHONY: run test test-slow coverage check mutants docs results clean
 
 run: $(INSTALLED)
 	$(BIN)/shaftline tour --out out/tour
@@ -13,6 +13,10 @@ test: $(INSTALLED)
 
 test-slow: $(INSTALLED)
 	$(BIN)/python -m pytest -n auto -m slow
+
+# which lines of Python no fast test visits; compiled kernels are not counted
+coverage: $(INSTALLED)
+	$(BIN)/python -m pytest -n auto -m "not slow" --cov --cov-report=term-missing
 
 check: $(INSTALLED)
 	$(BIN)/ruff check .

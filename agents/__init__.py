@@ -1,5 +1,47 @@
-"""Training of policies, and evaluation of controllers, classic and learned."""
+"""Training of policies, and evaluation of controllers, classic and learned.
 
-from .policy.policy import load
+``train`` and ``read_recipe`` need ``pip install 'shaftline[train]'`` and are imported when first used:
+torch takes seconds.
+"""
 
-__all__ = ["load"]
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .evaluation.controllers import load_controller
+from .evaluation.episodes import Setting, run_episodes
+from .evaluation.kpis import KPIS
+from .evaluation.statistics import summary
+from .evaluation.sweeps import Evaluation, evaluate
+from .policy.policy import Policy, PolicyError, load_policy
+
+if TYPE_CHECKING:
+    from .learning.recipe import Recipe, RecipeError, read_recipe
+    from .learning.training import train
+
+_WHEN_USED = {
+    "Recipe": "recipe", "RecipeError": "recipe", "read_recipe": "recipe", "train": "training",
+}  # fmt: skip
+
+__all__ = [
+    "KPIS",
+    "Evaluation",
+    "Policy",
+    "PolicyError",
+    "Recipe",
+    "RecipeError",
+    "Setting",
+    "evaluate",
+    "load_controller",
+    "load_policy",
+    "read_recipe",
+    "run_episodes",
+    "summary",
+    "train",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """What needs torch."""
+    if name not in _WHEN_USED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".learning.{_WHEN_USED[name]}", __name__), name)

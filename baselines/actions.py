@@ -1,11 +1,66 @@
-"""A command in physical units as an action in [-1, 1], and back."""
+"""Commands in physical units and actions in [-1, 1], over the ship's ranges of pitch and fuel rack."""
 
 from __future__ import annotations
 
-from ..core.compiled import compiled
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.compiled import Record, compiled
+from ..core.numeric import clip
 
 
 @compiled
 def decode(value: float, low: float, high: float) -> float:
-    """Command in physical units of an action in [-1, 1] over a range."""
+    """Command in physical units of an action.
+
+    Args:
+        value: action in [-1, 1].
+        low: command of an action of -1.
+        high: command of an action of 1.
+    """
     return low + 0.5 * (value + 1.0) * (high - low)
+
+
+@compiled
+def encode(value: float, low: float, high: float) -> float:
+    """Action in [-1, 1] of a command in physical units.
+
+    Args:
+        value: command; beyond the range it is clipped.
+        low: command of an action of -1.
+        high: command of an action of 1. Where it equals the lowest, as of a fixed pitch, the action
+            is 0.
+    """
+    half = 0.5 * (high - low)
+    if not half > 0.0:
+        return 0.0
+    return float(clip((value - 0.5 * (low + high)) / half, -1.0, 1.0))
+
+
+@compiled
+def _encode_all(
+    plant: Record,
+    pitch_ratio: NDArray[np.float64],
+    fuel_rack: NDArray[np.float64],
+    action: NDArray[np.float32],
+) -> None:
+    for i in range(len(action)):
+        action[i, 0] = encode(pitch_ratio[i], plant.pitch_ratio_min, plant.pitch_ratio_max)
+        action[i, 1] = encode(fuel_rack[i], plant.drive_min, plant.drive_max)
+
+
+def actions(plant: Record, pitch_ratio: Any, fuel_rack: Any) -> NDArray[np.float32]:
+    """Actions of n ships, shape (n, 2).
+
+    Args:
+        plant: PLANT record of a ship with a diesel.
+        pitch_ratio: commanded P/D [-], shape (n,).
+        fuel_rack: commanded rack [mm], shape (n,).
+    """
+    pitch = np.ascontiguousarray(pitch_ratio, dtype=np.float64)
+    rack = np.ascontiguousarray(fuel_rack, dtype=np.float64)
+    action = np.empty((len(pitch), 2), np.float32)
+    _encode_all(plant, pitch, rack, action)
+    return action

@@ -8,8 +8,9 @@ motor torque that the law asks for is turned into a fuel rack by the engine's ow
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from ..plant.ship import Ship
 from ..plant.signals import get_signal
 from .anti_spin_kernel import ANTI_SPIN_MEMORY, CONTROLLER, control_fleet
 from .combinator import combinator_curve
-from .controller import OBSERVED, actions, readings, resumed
+from .controller import OBSERVED, Controller, Readings
 from .torque_loss import TorqueLossObserver
 from .ventilation_detection import VentilationDetector
 
@@ -72,8 +73,8 @@ class AntiSpinTuning:
     ventilated_speed: float = 0.92  # omega_v,opt over the order's calm-water shaft speed [-]
     top_speed: float = 1.0  # highest desired shaft speed over the engine's highest [-]
     highest_advance: float = 0.9  # highest J-hat over P/D in G_QT: beyond, thrust nears zero [-]
-    observer: TorqueLossObserver = field(default_factory=TorqueLossObserver)
-    detector: VentilationDetector = field(default_factory=VentilationDetector)
+    observer: TorqueLossObserver = field(default_factory=TorqueLossObserver)  # of the torque loss
+    detector: VentilationDetector = field(default_factory=VentilationDetector)  # of air
 
 
 def _tuned(tuning: AntiSpinTuning, numbers: dict[str, float]) -> AntiSpinTuning:
@@ -86,35 +87,46 @@ def _tuned(tuning: AntiSpinTuning, numbers: dict[str, float]) -> AntiSpinTuning:
     return replace(tuning, **parts, **rest)  # type: ignore[arg-type]
 
 
-class AntiSpin:
-    """Controller with stable-baselines3's ``predict``.
+class AntiSpin(Controller):
+    """Holds the thrust that the order takes in calm water, and the shaft speed where air comes in.
+
+    A reading that is not finite, or beyond the bounds of the signal registry, is replaced by the last
+    good one of that ship, at first by that of its slowest steady state.
 
     Args:
-        ship: a moving ship with a diesel engine and a B-series propeller.
-        dt: time between two calls of ``predict`` [s].
+        ship: a moving ship with a diesel engine and a B-series propeller, or its name.
+        interval_s: control interval of the environment [s].
         anti_spin: whether ventilation limits the shaft speed; False is the paper's comparison.
         tuning: gains and thresholds.
         numbers: single numbers of the tuning, its observer or its detector by name, for example
             ``ventilated_speed=0.85, sea_margin=3.0``.
+
+    State: an ANTI_SPIN_MEMORY array of shape (n,), new at every call, with the estimates, the detection
+    and the references of this instant.
 
     Raises:
         TypeError: a number that the tuning does not have.
         ValueError: another kind of ship, or tuning that violates a condition of the paper.
     """
 
+    name = "anti-spin"
+    source = "Pivano et al. 2008"
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"no-anti-spin": {"anti_spin": False}}
+
     def __init__(
         self,
-        ship: Ship,
-        dt: float = 0.5,
+        ship: str | Ship = "frigate",
+        interval_s: float = 0.5,
         *,
         anti_spin: bool = True,
         tuning: AntiSpinTuning | None = None,
         **numbers: float,
     ) -> None:
+        super().__init__(ship, interval_s)
         tuning = _tuned(AntiSpinTuning() if tuning is None else tuning, numbers)
-        plant = ship.record()
-        if not ship.has_diesel or ship.propeller.model != "b-series":
-            raise ValueError(f"{ship.name}: anti-spin needs a diesel and a B-series propeller")
+        plant = self.plant
+        if not self.ship.has_diesel or self.ship.propeller.model != "b-series":
+            raise ValueError(f"{self.ship.name}: anti-spin needs a diesel and a B-series propeller")
         if not (tuning.ventilated_speed > 0.0 and tuning.top_speed > 0.0):
             raise ValueError("anti-spin: ventilated_speed and top_speed must be positive")
         if not (tuning.cutoff_rad_s > 0.0 and tuning.damping > 0.0):
@@ -125,8 +137,8 @@ class AntiSpin:
         integral = tuning.integral_rate * inertia
         check_gains(tuning.gamma, proportional, integral, inertia, viscous)
         settings = np.zeros(1, CONTROLLER)[0]
-        settings["observer"] = tuning.observer.discretise(ship, dt)
-        settings["detector"] = tuning.detector.discretise(dt)
+        settings["observer"] = tuning.observer.discretise(self.ship, interval_s)
+        settings["detector"] = tuning.detector.discretise(interval_s)
         settings["anti_spin"] = anti_spin
         settings["inertia"] = inertia
         settings["gamma"] = tuning.gamma
@@ -139,41 +151,29 @@ class AntiSpin:
         # eq. 20 for an input held over the step, exactly
         cutoff = tuning.cutoff_rad_s
         settings["filter"] = expm(
-            dt * np.array([[0.0, 1.0], [-(cutoff**2), -2.0 * cutoff * tuning.damping]])
+            interval_s * np.array([[0.0, 1.0], [-(cutoff**2), -2.0 * cutoff * tuning.damping]])
         )
-        self.ship = ship
-        self.curve = combinator_curve(ship)
+        self.curve = combinator_curve(self.ship)
         self.settings = settings
 
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Actions for one observation or a batch; see :class:`~.interface.Controller`.
+    def fresh(self, seen: Readings) -> NDArray[Any]:
+        """Nothing but the readings of a slow ship."""
+        memory = np.zeros(len(seen.shaft_speed), ANTI_SPIN_MEMORY)
+        memory["reading"] = self._slowest()
+        return memory
 
-        A reading that is not finite, or beyond the bounds of the signal registry, is replaced by the
-        last good one of that ship, at first by that of its slowest steady state.
-
-        Returns:
-            Action(s) in [-1, 1] of shape (2,) or (n, 2), and the memory: an ANTI_SPIN_MEMORY array of
-            shape (n,), new at every call, with the estimates, the detection and the references of
-            this instant.
-        """
-        table = np.atleast_2d(np.asarray(observation, dtype=np.float64))
-        fresh = np.zeros(len(table), ANTI_SPIN_MEMORY)
-        fresh["reading"] = self._slowest()
-        memories = resumed(state, fresh, episode_start)
-        good = np.abs(table) <= _BOUNDS
-        memories["reading"] = np.where(good, table, memories["reading"])
-        now = readings(memories["reading"])
+    def act(
+        self, seen: Readings, memory: NDArray[Any]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pitch of the order, and the rack of the paper's law."""
+        table = np.column_stack(seen)
+        memory["reading"] = np.where(np.abs(table) <= _BOUNDS, table, memory["reading"])
+        now = Readings(*memory["reading"].T)
         wanted = self.curve.at(now.speed_order)
         rack = np.empty(len(table))
         control_fleet(
             self.settings,
-            memories,
+            memory,
             wanted.shaft_speed,
             wanted.thrust,
             now.shaft_speed,
@@ -183,7 +183,7 @@ class AntiSpin:
             now.fuel_rack,
             rack,
         )
-        return actions(self.ship, observation, wanted.pitch_ratio, rack), memories
+        return wanted.pitch_ratio, rack
 
     def _slowest(self) -> NDArray[np.float64]:
         """Readings of the slowest steady state, for instruments that have said nothing yet."""

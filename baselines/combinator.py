@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from ..plant.ship import Ship
-from ..plant.ship_files import load_ship
-from .controller import actions, readings, resumed
+from .controller import Controller, Readings
 from .governor import RESPONSE_S, Governor
 from .steady_points import SteadyPoint, require_diesel, steady_point
 
@@ -130,7 +129,7 @@ def _driving_pitch(ship: Ship) -> float:
     return min(max(ship.propeller.pitch_ratio_min, 0.1), ship.propeller.pitch_ratio_max)
 
 
-class Combinator:
+class Combinator(Controller):
     """Speed order -> lever -> pitch and shaft speed; the governor moves the rack.
 
     Args:
@@ -142,6 +141,9 @@ class Combinator:
     State: the governor's integral [mm], shape (n, 1).
     """
 
+    name = "combinator"
+    source = "common practice"
+
     def __init__(
         self,
         ship: str | Ship = "frigate",
@@ -149,7 +151,7 @@ class Combinator:
         curve: Curve | None = None,
         response_s: float = RESPONSE_S,
     ) -> None:
-        self.ship = load_ship(ship)
+        super().__init__(ship, interval_s)
         self.curve = combinator_curve(self.ship) if curve is None else curve
         middle = float(np.interp(0.5, self.curve.lever, self.curve.pitch_ratio))
         self.governor = Governor(self.ship, interval_s, response_s, middle)
@@ -160,21 +162,24 @@ class Combinator:
         return wanted.pitch_ratio, wanted.shaft_speed
 
     def steady(self, speed_order: float, resistance_factor: float = 1.0) -> SteadyPoint:
-        """Where the ship settles in calm water at an ordered speed [m/s]."""
+        """Where the ship settles in calm water.
+
+        Args:
+            speed_order: ordered ship speed [m/s].
+            resistance_factor: d_c1 [-].
+        """
         pitch, speed = self.set_points(speed_order)
         return steady_point(self.ship, float(speed), float(pitch), resistance_factor)
 
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Actions; see :class:`shaftline.baselines.controller.Controller`."""
-        seen = readings(observation)
+    def fresh(self, seen: Readings) -> NDArray[np.float64]:
+        """The integral with which the rack stays where it is."""
+        _, speed = self.set_points(seen.speed_order)
+        return self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)[:, None]
+
+    def act(
+        self, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pitch of the curve, and the governor's rack."""
         pitch, speed = self.set_points(seen.speed_order)
-        settled = self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
-        integral = resumed(state, settled[:, None], episode_start)[:, 0]
-        rack, integral = self.governor.command(speed, seen.shaft_speed, integral)
-        return actions(self.ship, observation, pitch, rack), integral[:, None]
+        rack, memory[:, 0] = self.governor.command(speed, seen.shaft_speed, memory[:, 0])
+        return pitch, rack

@@ -1,4 +1,4 @@
-"""What a controller is told, what it answers, and how both are laid out.
+"""What a controller is told, what it answers, and the base class that does what all do alike.
 
 Controllers have stable-baselines3's ``predict``, so one evaluator scores classic and learned ones alike.
 They see only what a real ship's controller can know.
@@ -6,12 +6,16 @@ They see only what a real ship's controller can know.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..plant.ship import Ship
+from ..plant.ship_files import load_ship
+from .actions import actions
 
 OBSERVED = (
     "speed_order",
@@ -45,34 +49,6 @@ def readings(observation: Any) -> Readings:
     return Readings(*table.T)
 
 
-def scaled(value: Any, low: float, high: float) -> NDArray[np.float64]:
-    """A command in physical units as an action in [-1, 1]; beyond the range it is clipped.
-
-    Where the range is a single value, as of a fixed pitch, the action is 0.
-    """
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    away = np.asarray(value, dtype=np.float64) - middle
-    return np.clip(away / half, -1.0, 1.0) if half > 0.0 else np.zeros_like(away)
-
-
-def actions(ship: Ship, observation: Any, pitch: Any, rack: Any) -> NDArray[np.float32]:
-    """Pitch [-] and rack [mm] commands as actions, shaped as the observation asks.
-
-    Args:
-        ship: a ship with a diesel.
-        observation: shape (8,) gives shape (2,); shape (n, 8) gives shape (n, 2).
-        pitch: commanded P/D [-], shape (n,).
-        rack: commanded rack [mm], shape (n,).
-    """
-    plant = ship.record()
-    columns = (
-        scaled(pitch, float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
-        scaled(rack, float(plant["drive_min"]), float(plant["drive_max"])),
-    )
-    table = np.stack(columns, axis=-1).astype(np.float32)
-    return table if np.ndim(observation) > 1 else table[0]
-
-
 def resumed(state: Any, fresh: NDArray[Any], episode_start: Any) -> NDArray[Any]:
     """The memory with which a call of ``predict`` begins; what is passed in stays untouched.
 
@@ -90,8 +66,74 @@ def resumed(state: Any, fresh: NDArray[Any], episode_start: Any) -> NDArray[Any]
     return memory
 
 
-class Controller(Protocol):
-    """Anything that turns observations into actions."""
+class Predictor(Protocol):
+    """Anything that answers observations with actions: a :class:`Controller`, or a model of
+    stable-baselines3.
+    """
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """See :meth:`Controller.predict`."""
+
+
+class Controller(ABC):
+    """Base class: turns observations into actions, for any number of equal ships at once.
+
+    A subclass says what memory it begins with (:meth:`fresh`) and what it commands (:meth:`act`). One
+    that stands in a file of this folder is found there by its ``name`` and needs to be listed nowhere
+    else; it takes a ship, the control interval, and numbers as options.
+
+    Args:
+        ship: a ship with a diesel, or its name.
+        interval_s: time between two calls of :meth:`predict` [s].
+    """
+
+    name: ClassVar[str]
+    """By which it is chosen."""
+    source: ClassVar[str] = ""
+    """Where it is published; controllers are listed by source, then by name."""
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    """The same with other options, by names of their own."""
+
+    def __init__(self, ship: str | Ship = "frigate", interval_s: float = 0.5) -> None:
+        self.ship = load_ship(ship)
+        self.interval_s = interval_s
+        self.plant = self.ship.record()
+
+    @abstractmethod
+    def fresh(self, seen: Readings) -> NDArray[Any]:
+        """Memory of a controller that sees something for the first time, shape (n, ...).
+
+        Args:
+            seen: readings of n ships.
+        """
+
+    @abstractmethod
+    def act(
+        self, seen: Readings, memory: NDArray[Any]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Commanded P/D [-] and fuel rack [mm], each of shape (n,).
+
+        Args:
+            seen: readings of n ships.
+            memory: of the last call or :meth:`fresh`; changed in place.
+        """
+
+    def explore(
+        self, seen: Readings, memory: NDArray[Any]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """As :meth:`act`, with the noise of training; classic controllers have none.
+
+        Args:
+            seen: readings of n ships.
+            memory: of the last call or :meth:`fresh`; changed in place.
+        """
+        return self.act(seen, memory)
 
     def predict(
         self,
@@ -103,12 +145,17 @@ class Controller(Protocol):
         """Actions for one observation or a batch.
 
         Args:
-            observation: shape (8,) or (n, 8), in physical units.
-            state: what the last call returned, None at first.
+            observation: shape (8,) or (n, 8), the signals :data:`OBSERVED` in physical units.
+            state: what the last call returned, None at first; it stays untouched.
             episode_start: shape (n,), true where an episode begins and the memory must be forgotten.
-            deterministic: classic controllers have no other way.
+            deterministic: false for the noise of training, which classic controllers do not have.
 
         Returns:
             Action(s) in [-1, 1], shape (2,) or (n, 2): pitch command and fuel rack command, each over
             the ship's range; and the state to pass to the next call.
         """
+        seen = readings(observation)
+        memory = resumed(state, self.fresh(seen), episode_start)
+        pitch, rack = (self.act if deterministic else self.explore)(seen, memory)
+        table = actions(self.plant, pitch, rack)
+        return table if np.ndim(observation) > 1 else table[0], memory

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from ..core.compiled import compiled
 from ..plant.hull import resistance
+from ..plant.open_water import MIN_REVOLUTIONS, REVOLUTIONS_PER_RADIAN
 from ..plant.ship import Ship
-from ..plant.ship_files import load_ship
 from .combinator import Combinator
 from .combinator_surface import Setting, combinator_surface, look_up
-from .controller import Readings, actions, readings, resumed
+from .controller import Controller, Readings
 from .governor import RESPONSE_S
 from .open_water_fit import fit_open_water, surface
 
@@ -56,12 +56,17 @@ def _thrusts(
 ) -> None:
     """Thrust of one propeller [N] by the fitted surface; J is held at 0 and at P/D."""
     for i in range(len(thrust)):
-        n = max(shaft_speed[i] * (0.5 / math.pi), 1e-3)
+        n = max(shaft_speed[i] * REVOLUTIONS_PER_RADIAN, MIN_REVOLUTIONS)
         j = min(max(advance_velocity[i] / (n * diameter), 0.0), max(pitch_ratio[i], 0.0))
         thrust[i] = surface(matrix, j, pitch_ratio[i]) * density * diameter**4 * n * n
 
 
-class CppOptimiser:
+def _valid(seen: Readings) -> NDArray[np.bool_]:
+    """Whether the observer vouches for its estimate."""
+    return (seen.estimate_valid > 0.5) & np.isfinite(seen.advance_velocity)
+
+
+class CppOptimiser(Controller):
     """The optimal control of a controllable-pitch propeller.
 
     Args:
@@ -73,14 +78,16 @@ class CppOptimiser:
     State: shape (n, 5), columns :data:`INTEGRAL` to :data:`TRUST`.
     """
 
+    name = "cpp-optimiser"
+    source = "CPP optimiser paper"
+
     def __init__(
         self, ship: str | Ship = "frigate", interval_s: float = 0.5, response_s: float = RESPONSE_S
     ) -> None:
-        self.ship = load_ship(ship)
+        super().__init__(ship, interval_s)
         self.fit = fit_open_water(self.ship)
         self.surface = combinator_surface(self.ship)
         self.combinator = Combinator(self.ship, interval_s, response_s=response_s)
-        self._interval = interval_s
         self._top = self.ship.shaft_speeds[1]
 
     def ordered_thrust(self, speed_order: Any) -> NDArray[np.float64]:
@@ -89,10 +96,9 @@ class CppOptimiser:
         Orders beyond the ship's highest speed ask for more thrust than calm water takes: what a higher
         resistance needs. The surface's own end limits them.
         """
-        plant = self.ship.record()
-        push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
+        push = float(self.plant["propellers"] * (1.0 - self.plant["thrust_deduction"]))
         orders = np.atleast_1d(np.asarray(speed_order, dtype=np.float64))
-        return np.array([resistance(plant, max(v, 0.0), 1.0) / push for v in orders])
+        return np.array([resistance(self.plant, max(v, 0.0), 1.0) / push for v in orders])
 
     def thrust(self, seen: Readings) -> NDArray[np.float64]:
         """Thrust of one propeller [N] at the working point that the estimate tells, shape (n,)."""
@@ -109,32 +115,30 @@ class CppOptimiser:
         )
         return found
 
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Actions; see :class:`shaftline.baselines.controller.Controller`."""
-        seen = readings(observation)
-        valid = (seen.estimate_valid > 0.5) & np.isfinite(seen.advance_velocity)
+    def fresh(self, seen: Readings) -> NDArray[np.float64]:
+        """Filters that have heard nothing, a governor that is not settled yet."""
+        memory = np.zeros((len(seen.shaft_speed), 5))
+        memory[:, INTEGRAL] = np.nan  # until the shaft speed to be held is known
+        memory[:, TRUST] = _valid(seen)
+        return memory
+
+    def act(
+        self, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pitch of the surface and the governor's rack, or the combinator's."""
+        valid = _valid(seen)
         estimate = self.thrust(seen)
         plain_pitch, plain_speed = self.combinator.set_points(seen.speed_order)
-        fresh = np.zeros((len(valid), 5))
-        fresh[:, INTEGRAL] = np.nan  # until the governor is settled below
-        fresh[:, TRUST] = valid
-        memory = resumed(state, fresh, episode_start)
         # a filter that has heard nothing yet starts at what it hears first
         hears_first = valid & (memory[:, ADVANCE] == 0.0) & (memory[:, THRUST] == 0.0)
         memory[hears_first, ADVANCE] = seen.advance_velocity[hears_first]
         memory[hears_first, THRUST] = estimate[hears_first]
 
-        keep = math.exp(-self._interval / FILTER_S)
+        keep = math.exp(-self.interval_s / FILTER_S)
         for column, heard in ((ADVANCE, seen.advance_velocity), (THRUST, estimate)):
             filtered = keep * memory[:, column] + (1.0 - keep) * heard
             memory[:, column] = np.where(valid, filtered, memory[:, column])
-        gives = math.exp(-self._interval / TRUST_S)
+        gives = math.exp(-self.interval_s / TRUST_S)
         memory[:, TRUST] = gives * memory[:, TRUST] + (1.0 - gives) * valid
 
         setting = look_up(self.surface, self.ordered_thrust(seen.speed_order), memory[:, ADVANCE])
@@ -146,7 +150,7 @@ class CppOptimiser:
         settled = governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
         integral = np.where(np.isnan(memory[:, INTEGRAL]), settled, memory[:, INTEGRAL])
         rack, memory[:, INTEGRAL] = governor.command(speed, seen.shaft_speed, integral)
-        return actions(self.ship, observation, pitch, rack), memory
+        return pitch, rack
 
     def _trimmed(
         self, memory: NDArray[np.float64], setting: Setting, valid: NDArray[np.bool_]
@@ -158,5 +162,5 @@ class CppOptimiser:
         error = (setting.thrust - memory[:, THRUST]) / np.maximum(setting.thrust, 1.0)
         rate = 0.5 * setting.shaft_speed * np.clip(error, -1.0, 1.0) / THRUST_INTEGRAL_S
         acting = np.where(valid, setting.reach, 0.0)
-        trim = memory[:, TRIM] + acting * rate * self._interval
+        trim = memory[:, TRIM] + acting * rate * self.interval_s
         return np.asarray(np.clip(trim, -TRIM_SHARE * self._top, TRIM_SHARE * self._top))

@@ -148,7 +148,14 @@ def tune(
 
 
 class Governor:
-    """A bank of n equal governors, one a ship of the batch; the caller keeps their integrals."""
+    """A bank of n equal governors, one a ship of the batch; the caller keeps their integrals.
+
+    Args:
+        ship: a ship with a diesel, or its name.
+        interval_s: control interval [s].
+        response_s: time constant of the closed loop [s].
+        pitch_ratio: P/D [-] at which it is tuned; the middle of the range by default.
+    """
 
     def __init__(
         self,

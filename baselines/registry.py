@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import Any
 
+from ..core.discovery import classes_in
 from ..plant.ship import Ship
-from .anti_spin import AntiSpin
-from .combinator import Combinator
 from .controller import Controller
-from .cpp_optimiser import CppOptimiser
-from .speed_pilot import SpeedPilot
 
 
 class ControllerError(ValueError):
     """A controller or option that does not exist; the message lists those that do."""
 
 
-def _without_anti_spin(*arguments: Any, **options: Any) -> Controller:
-    return AntiSpin(*arguments, anti_spin=False, **options)
-
-
-CONTROLLERS: dict[str, Callable[..., Controller]] = {
-    "combinator": Combinator,
-    "cpp-optimiser": CppOptimiser,
-    "anti-spin": AntiSpin,
-    "no-anti-spin": _without_anti_spin,
-    "speed-pilot": SpeedPilot,
+_CLASSES = sorted(
+    classes_in(__package__, Controller, but=("registry",)),  # type: ignore[type-abstract]
+    key=lambda cls: (cls.source.casefold(), cls.name),
+)
+_KNOWN: dict[str, tuple[type[Controller], Mapping[str, Any]]] = {
+    name: (cls, fixed)
+    for cls in _CLASSES
+    for name, fixed in [(cls.name, {}), *cls.variants.items()]
 }
-"""Classic controllers, each called with a ship and a control interval [s]."""
+
+
+def controller_names() -> list[str]:
+    """All classic controllers and their variants."""
+    return list(_KNOWN)
 
 
 def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
@@ -43,8 +42,8 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
         ControllerError: unknown name, or an option that the controller does not take.
     """
     name, _, rest = text.partition(":")
-    if name not in CONTROLLERS:
-        raise ControllerError(f"unknown controller {name!r}; known: {', '.join(CONTROLLERS)}")
+    if name not in _KNOWN:
+        raise ControllerError(f"unknown controller {name!r}; known: {', '.join(_KNOWN)}")
     options: dict[str, float] = {}
     for item in filter(None, rest.split(",")):
         key, equals, value = item.partition("=")
@@ -54,7 +53,8 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
             raise ControllerError(f"{text!r}: option {item!r} must be name=number") from None
         if not equals:
             raise ControllerError(f"{text!r}: option {item!r} must be name=number")
+    kind, fixed = _KNOWN[name]
     try:
-        return CONTROLLERS[name](ship, interval_s, **options)
+        return kind(ship, interval_s, **fixed, **options)
     except TypeError as error:
         raise ControllerError(f"{text!r}: {error}") from None

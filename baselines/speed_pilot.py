@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 from ..plant.drives.diesel import rack_of_torque
 from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
-from ..plant.ship_files import load_ship
 from .combinator import combinator_curve
-from .controller import actions, readings, resumed
+from .controller import Controller, Readings
 from .governor import highest_rack
 from .steady_points import require_diesel, steady_point
 
@@ -61,7 +60,7 @@ class Slowed(NamedTuple):
     integral: NDArray[np.float64]  # [mm]
 
 
-class SpeedPilot:
+class SpeedPilot(Controller):
     """Holds the ordered ship speed; see the module.
 
     Args:
@@ -77,6 +76,9 @@ class SpeedPilot:
         TypeError: an unknown setting.
     """
 
+    name = "speed-pilot"
+    source = "shaftline's own"
+
     def __init__(
         self,
         ship: str | Ship = "frigate",
@@ -84,10 +86,9 @@ class SpeedPilot:
         speed_gain: float = 2.0,
         **settings: float,
     ) -> None:
-        self.ship = load_ship(ship)
+        super().__init__(ship, interval_s)
         require_diesel(self.ship)
         self.settings = Settings(**settings)
-        self.interval_s = interval_s
         curve = combinator_curve(self.ship)
         self._speeds, self._pitch = curve.ship_speed, curve.pitch_ratio
         points = [
@@ -97,15 +98,15 @@ class SpeedPilot:
         self._rack = np.array([point.fuel_rack for point in points])
         slope = (self._rack[-1] - self._rack[0]) / (self._speeds[-1] - self._speeds[0])
         self._speed_gain = speed_gain * float(slope)  # [mm s/m]
-        hull, plant = self.ship.hull, self.ship.record()
+        hull = self.ship.hull
         drag = hull.resistance_coefficient_N_s2_m2 * float(np.mean(self._speeds))
         self._reset_s = hull.mass_kg / (2.0 * drag)
-        self._units(plant)
-        self._limits(plant)
+        self._units()
+        self._limits()
 
-    def _limits(self, plant: Any) -> None:
+    def _limits(self) -> None:
         """Lowest and highest rack [mm] over shaft speed."""
-        low, high = self.ship.shaft_speeds
+        plant, (low, high) = self.plant, self.ship.shaft_speeds
         self._speed_grid = speeds = np.linspace(0.5 * low, 1.2 * high, _LIMITER_POINTS)
         envelope = np.array([highest_rack(plant, float(w)) for w in speeds])
         unloaded = rack_of_torque(plant, float(plant["gear_ratio"]) * low, 0.0)
@@ -113,9 +114,9 @@ class SpeedPilot:
         self._most = np.clip(envelope - slope * np.maximum(speeds - high, 0.0), 0.0, None)
         self._least = np.clip(unloaded + slope * (low - speeds), 0.0, self._most)
 
-    def _units(self, plant: Any) -> None:
+    def _units(self) -> None:
         """What gains of one come to on this ship."""
-        mover = self.ship.diesel
+        plant, mover = self.plant, self.ship.diesel
         down = float(plant["gear_ratio"]) * self.ship.transmission.efficiency
         torque = mover.torque_limit_N_m * down
         pitches = float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"])
@@ -161,22 +162,26 @@ class SpeedPilot:
         )
         return pitch, np.clip(rack, lowest, highest), integral
 
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Actions; see :class:`shaftline.baselines.controller.Controller`."""
-        seen = readings(observation)
-        error = seen.speed_order - seen.ship_speed
-        now = np.column_stack([error, seen.shaft_speed, seen.shaft_torque])
-        memory = resumed(state, np.column_stack([now, np.zeros(len(now))]), episode_start)
+    def fresh(self, seen: Readings) -> NDArray[np.float64]:
+        """The readings as if they had stood for ever, and no integral."""
+        now = _slowed(seen)
+        return np.column_stack([now, np.zeros(len(now))])
+
+    def act(
+        self, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The module's equations with the pilot's own settings."""
+        now = _slowed(seen)
         now = np.where(np.isfinite(now), now, memory[:, :3])  # a reading that fails moves nothing
         keep = np.exp(-self.interval_s / np.array([ERROR_S, MEAN_S, MEAN_S]))
         memory[:, :3] = keep * memory[:, :3] + (1.0 - keep) * now
         pitch, rack, memory[:, 3] = self.command(
             seen.speed_order, now[:, 1], now[:, 2], Slowed(*memory.T), self.settings
         )
-        return actions(self.ship, observation, pitch, rack), memory
+        return pitch, rack
+
+
+def _slowed(seen: Readings) -> NDArray[np.float64]:
+    """What is to be slowed down, as it is now: the first columns of :class:`Slowed`, shape (n, 3)."""
+    error = seen.speed_order - seen.ship_speed
+    return np.column_stack([error, seen.shaft_speed, seen.shaft_torque])

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..core.compiled import Record, compiled
-from ..observers.base import model_torque
+from ..observers.torque_curve import model_torque
 from ..plant.record import PLANT
 from ..plant.shaft import friction_torque, inertia_behind_gauge
 from ..plant.ship import Ship

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..core.compiled import Record, compiled
-from ..observers.base import model_torque, velocity_from_torque
+from ..observers.torque_curve import model_torque, velocity_from_torque
 from ..plant.hull import wake_inflow
 from .torque_loss import bollard_gain
 

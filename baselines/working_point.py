@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from ..core.compiled import Record, compiled
 from ..plant.cavitation import burrill_ratio
 from ..plant.drives.diesel import torque_limit
 from ..plant.fuel import fuel_rate
-from ..plant.open_water import advance_ratio
+from ..plant.open_water import REVOLUTIONS_PER_RADIAN, advance_ratio
 from ..plant.shaft import brake_torque_of, load_torque
 from .combinator import TORQUE_MARGIN
 from .open_water_fit import highest_j, surface, surface_slope
@@ -49,7 +48,7 @@ def working(
         pitch_ratio: P/D [-].
     """
     j = advance_ratio(advance_velocity, shaft_speed, plant.diameter)
-    n = shaft_speed * (0.5 / math.pi)
+    n = shaft_speed * REVOLUTIONS_PER_RADIAN
     kt, kq = surface(thrust, j, pitch_ratio), surface(torque, j, pitch_ratio)
     force = plant.density * plant.diameter**4 * n * n
     load = kq * force * plant.diameter / plant.relative_rotative_efficiency
@@ -62,7 +61,7 @@ def working(
         surface_slope(thrust, j, pitch_ratio),
         surface_slope(torque, j, pitch_ratio),
     )
-    slope = (0.5 / math.pi) * ((kt + j * kt_slope) * kq - j * kt * kq_slope) / (kq * kq)
+    slope = REVOLUTIONS_PER_RADIAN * ((kt + j * kt_slope) * kq - j * kt * kq_slope) / (kq * kq)
     margin = burrill_ratio(
         plant, kt * force, advance_velocity, shaft_speed, pitch_ratio, plant.depth
     )

@@ -5,17 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import pandas as pd
 import typer
 
+from .. import mismatch
 from ..core.sweep import check_backend
-from ..mismatch.diagnosis import Diagnosis
-from ..mismatch.folder import diagnose_folder, recordings_in
-from ..mismatch.report import sentence
-from ..mismatch.results import PAGE, REPORT, SHIP, Options, diagnose_files, write_results
+from ..mismatch import Options
+from ..mismatch.diagnosis import PAGE, REPORT, SHIP
+from ..mismatch.folder import recordings_in
+from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE
 from ..plant import Ship, load_ship
-from ..plant.ship import key_info
-from .console import Backend, clear_errors, print_table, progress, say, stages
+from .console import Backend, clear_errors, progress, say, stages
 
 
 def diagnose(
@@ -136,55 +135,13 @@ def diagnose(
         if jobs is not None or scheduler is not None or backend is not Backend.PROCESSES:
             raise ValueError("--jobs, --backend and --scheduler spread a FOLDER of recordings")
         with stages("diagnosing") as tick:
-            diagnosis = diagnose_files(vessel, recordings, hold_out or (), options, tick)
-            tick("writing the report", 0, 1)
-            write_results(diagnosis, out)
-        _print(diagnosis)
-        say(f"report: {out / PAGE}   data: {out / REPORT}   corrected ship: {out / SHIP}")
-
-
-def _print(diagnosis: Diagnosis) -> None:
-    """The answer, the findings with their intervals, and the fit on what was set aside."""
-    say(f"{diagnosis.verdict}: {sentence(diagnosis)}\n")
-    if diagnosis.findings:
-        print_table(_findings(diagnosis), "What is missing (evidence in 2 log L)")
-    held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
-    fit = pd.DataFrame(
-        {
-            "channel": list(diagnosis.fit_before),
-            "before": list(diagnosis.fit_before.values()),
-            "after": list(diagnosis.fit_after.values()),
-        }
-    )
-    print_table(fit, "FitPercent, 100 is perfect", digits=1)
-    say(f"judged on {held}, which was set aside before anything was fitted")
-    for note in (*diagnosis.limits, *diagnosis.warnings):
-        say(f"note: {note}")
-
-
-def _findings(diagnosis: Diagnosis) -> pd.DataFrame:
-    rows = []
-    for finding in diagnosis.findings:
-        effect = finding.effect
-        others = [c.effect.label for c in finding.rivals if c.effect.label != effect.label]
-        triples = zip(effect.parameters, finding.placed.values, finding.intervals, strict=True)
-        for i, (parameter, value, (low, high)) in enumerate(triples):
-            first = i == 0
-            rows.append(
-                {
-                    "effect": effect.id if first else "",
-                    "balance": effect.balance if first else "",
-                    "parameter": parameter.name,
-                    "value": f"{value:.4g}",
-                    "95 % from": f"{low:.4g}",
-                    "to": f"{high:.4g}",
-                    "unit": key_info(parameter.key, diagnosis.ship).unit,
-                    "evidence": f"{finding.score:.1f}" if first else "",
-                    "threshold": f"{finding.threshold:.1f}" if first else "",
-                    "or equally": ", ".join(others) if first else "",
-                }
+            diagnosis = mismatch.diagnose(
+                vessel, *recordings, hold_out=hold_out or (), options=options, tick=tick
             )
-    return pd.DataFrame(rows)
+            tick("writing the report", 0, 1)
+            diagnosis.save(out)
+        say(diagnosis.summary())
+        say(f"\nreport: {out / PAGE}   data: {out / REPORT}   corrected ship: {out / SHIP}")
 
 
 def _folder(
@@ -197,15 +154,10 @@ def _folder(
     scheduler: str | None,
 ) -> None:
     with progress("diagnosing", len(recordings_in(folder))) as tick:
-        index = diagnose_folder(
+        index = mismatch.diagnose_folder(
             folder, ship, out, options, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
         )
-    good, bad = index[index["error"] == ""], index[index["error"] != ""]
-    if len(good):
-        shown = ["recording", "date", "verdict", "balances", "found", "fit_before", "fit_after"]
-        print_table(good[shown], f"{ship.name}: worst first; FitPercent on what was set aside", 1)
-    for row in bad.to_dict("records"):
-        say(f"could not be diagnosed: {row['error']}")
-    say(f"index: {out / 'index.html'}   table: {out / 'index.csv'}")
-    if not len(good):
-        raise ValueError(f"{folder}: none of its {len(bad)} recordings could be diagnosed")
+    say(index.summary())
+    say(f"\nindex: {out / INDEX_PAGE}   table: {out / INDEX_TABLE}")
+    if not len(index.diagnosed):
+        raise ValueError(f"{folder}: none of its {len(index.failed)} recordings could be diagnosed")

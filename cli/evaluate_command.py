@@ -10,20 +10,21 @@ import numpy as np
 import typer
 from matplotlib.image import imsave
 
-from ..agents.evaluate.controllers import known, label, make_controller
-from ..agents.evaluate.evaluation import KPIS, Setting
-from ..agents.evaluate.evaluation import evaluate as evaluate_all
-from ..agents.evaluate.page import distinct, page
-from ..baselines.controller import Controller
-from ..core.files import write_atomically, write_json, write_text
+from ..agents.evaluation.controllers import known, label, load_controller
+from ..agents.evaluation.episodes import Setting
+from ..agents.evaluation.kpis import KPIS
+from ..agents.evaluation.page import distinct
+from ..agents.evaluation.sweeps import evaluate as evaluate_all
+from ..baselines import Controller
+from ..core.files import write_atomically
 from ..core.sweep import check_backend
 from ..display import figures
-from ..envs import FrigateEnv, get_task, tasks
+from ..envs import DEFAULTS, FrigateEnv, get_task, tasks
 from ..observers import get_observer, observer_names
 from ..plant import Ship, get_sea, load_ship
 from .console import Backend, clear_errors, console, print_table, progress
 
-_INTERVAL = 0.5
+_INTERVAL = DEFAULTS.control_interval_s
 _SHOWN = (
     "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "rack_travel_mm_min", "overload_s",
     "overspeed_s", "cavitation_s", "ventilation_s", "failed",
@@ -40,11 +41,13 @@ def evaluate(
         list[str], typer.Option(help="Sea preset, or `task` for those of the task; repeatable.")
     ] = ["task"],  # noqa: B006 (typer copies it)
     observer: Annotated[list[str], typer.Option(help="Observer, or `all` of them; repeatable.")] = [  # noqa: B006
-        "random-walk-kalman"
+        DEFAULTS.observer
     ],
-    ship: Annotated[str, typer.Option(help="Ship: a preset or a .toml file.")] = "frigate",
+    ship: Annotated[str, typer.Option(help="Ship: a preset or a .toml file.")] = DEFAULTS.ship,
     seeds: Annotated[int, typer.Option(min=1, help="Episodes; equal seeds meet equal seas.")] = 20,
-    episode_s: Annotated[float, typer.Option(min=1.0, help="Length of an episode [s].")] = 300.0,
+    episode_s: Annotated[
+        float, typer.Option(min=1.0, help="Length of an episode [s].")
+    ] = DEFAULTS.episode_s,
     out: Annotated[Path, typer.Option(help="Folder for table, CSV, JSON, figures.")] = Path(
         "out/evaluate"
     ),
@@ -93,7 +96,7 @@ def evaluate(
         sailed = _task_ship(vessel, task)
         made: dict[str, Controller] = {}
         for text in controller:
-            commander = make_controller(text, sailed, _INTERVAL)
+            commander = load_controller(text, sailed, _INTERVAL)
             made[label(text)] = commander
         grid = itertools.product(*map(dict.fromkeys, (made, sea, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]
@@ -102,21 +105,19 @@ def evaluate(
             return made[setting.controller]
 
         with progress("evaluating", len(cells)) as tick:
-            table, traces = evaluate_all(
+            found = evaluate_all(
                 cells, make, out, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
             )
         title = f"{vessel.name}, {task}, {seeds} episodes of {episode_s:g} s"
-        shown = distinct(table)
+        shown = distinct(found.table)
         varied = [c for c in ("controller", "sea", "observer") if shown[c].nunique() > 1]
         print_table(shown[[*(varied or ["controller"]), *_SHOWN]], title)
         console.print(
             "\n".join(f"{name}: {KPIS[name]}" for name in _SHOWN), highlight=False, markup=False
         )
-        write_atomically(out / "table.csv", lambda f: table.to_csv(f, index=False))
-        write_text(out / "table.md", page(table, title, _SHOWN))
-        write_json(out / "table.json", table.to_dict(orient="records"))
+        found.save(out, title, _SHOWN)
         lasts = {cell.controller: i for i, cell in enumerate(cells)}
-        drawn = {name: traces[lasts[name]] for name in made}
+        drawn = {name: found.traces[lasts[name]] for name in made}
         picture = out / "comparison.png"
         figures.save(figures.controllers(drawn, sailed), picture)
         if render:

@@ -8,11 +8,11 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from ..baselines.registry import CONTROLLERS
+from ..baselines import controller_names
 from ..core.files import write_text
 from ..display.tables import markdown
 from ..envs import tasks
-from ..mismatch.search.catalogue import catalogue
+from ..mismatch import catalogue
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
 from ..plant.ship_files import ship_keys
@@ -35,7 +35,7 @@ def registries() -> dict[str, pd.DataFrame]:
             columns=["sea", "Hs [m]", "Tp [s]", "gamma [-]"],
         ),
         "Observers": pd.DataFrame({"observer": observer_names()}),
-        "Controllers": pd.DataFrame({"controller": list(CONTROLLERS)}),
+        "Controllers": pd.DataFrame({"controller": controller_names()}),
         "Tasks": pd.DataFrame(
             [(name, task.description) for name, task in tasks().items()],
             columns=["task", "description"],

@@ -12,7 +12,7 @@ import typer
 
 from ..core.files import write_json, write_text
 from ..core.sweep import refuse_another, source_digest, sweep
-from ..mismatch.results import Options, diagnose_files, write_results
+from ..mismatch import Options, diagnose
 from ..plant import load_ship
 from ..proof.cases import draw_case, sealed
 from ..proof.prove import Diagnose, case_folder, run_case, scores, write_page
@@ -94,7 +94,7 @@ def _same_proof(out: Path, seed: int, beside: list[str]) -> None:
     mine = {
         "seed": seed,
         "beside": beside,
-        "version": source_digest("plant", "mismatch", "proof"),
+        "version": source_digest("core", "plant", "mismatch", "proof"),
     }
     refuse_another(out, note, mine, "proof")
     if not note.is_file() and any(out.glob("case-*")):
@@ -122,5 +122,6 @@ def _tool(
     page: bool, recording: Path, ship: str, folder: Path, exclude: tuple[str, ...]
 ) -> dict[str, Any]:
     """The tool under test: what ``shaftline diagnose`` does with the recording alone."""
-    diagnosis = diagnose_files(load_ship(ship), [recording], options=Options(exclude=exclude))
-    return write_results(diagnosis, folder, page)
+    diagnosis = diagnose(load_ship(ship), recording, options=Options(exclude=exclude))
+    diagnosis.save(folder, page=page)
+    return diagnosis.to_dict()

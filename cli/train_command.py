@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import pandas as pd
 import typer
 
-from ..agents import load
+from ..agents import load_policy
 from ..envs import DEFAULTS, get_task, tasks
 from ..observers import get_observer
 from ..plant import load_ship
@@ -136,8 +136,8 @@ def train(
 def _learning() -> tuple[Any, Any]:
     """What needs the extra: ``read_recipe`` and the module that trains."""
     try:
-        from ..agents.learn import training
-        from ..agents.learn.recipe import read_recipe
+        from ..agents.learning import training
+        from ..agents.learning.recipe import read_recipe
     except ModuleNotFoundError as error:
         raise ValueError(
             f"training needs {error.name}, which is not installed: pip install 'shaftline[train]'"
@@ -159,7 +159,7 @@ def _legs(folder: Path) -> int:
 
 def _print(path: Path, folder: Path, task: str, observer: str) -> None:
     """The curve, where the time went, and what to do next."""
-    policy = load(path)
+    policy = load_policy(path)
     curve = pd.DataFrame(policy.curve)
     chosen = int(policy.about["leg"])
     shown = curve[list(_CURVE)].rename(columns=_CURVE)

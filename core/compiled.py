@@ -63,9 +63,16 @@ def compiled_polynomial(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function, fastmath={"contract"})
 
 
-def _compiled(function: Callable[P, R], fastmath: bool | set[str]) -> Callable[P, R]:
+def compiled_apart(function: Callable[P, R]) -> Callable[P, R]:
+    """The same for what is seldom called: it stays a call, and costs its callers nothing when unused."""
+    return _compiled(function, fastmath=False, inline=False)
+
+
+def _compiled(
+    function: Callable[P, R], fastmath: bool | set[str], inline: bool = True
+) -> Callable[P, R]:
     kernel = numba.njit(
-        cache=True, error_model="numpy", nogil=True, forceinline=True, fastmath=fastmath
+        cache=True, error_model="numpy", nogil=True, forceinline=inline, fastmath=fastmath
     )(function)
     return cast("Callable[P, R]", kernel)
 

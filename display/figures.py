@@ -267,7 +267,7 @@ def controllers(traces: dict[str, pd.DataFrame], ship: Ship) -> Figure:
     """One episode of each controller: speed and torque in time, engine envelope, pitch and speed.
 
     Args:
-        traces: by controller, columns of :data:`shaftline.agents.evaluate.evaluation.TRACE`.
+        traces: by controller, columns of :data:`shaftline.agents.evaluation.episodes.TRACE`.
         ship: whose engine's envelope is drawn.
     """
     plant = ship.record()

@@ -5,27 +5,26 @@ from __future__ import annotations
 import functools
 import math
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..baselines.controller import OBSERVED
 from ..baselines.governor import tune
 from ..observers import get_observer
-from ..observers.base import ESTIMATE, OBSERVER
+from ..observers.base import ESTIMATE
 from ..plant import Ship, equilibrium, load_ship, realise
 from ..plant.dynamics import settled
-from ..plant.memory import MEMORY
-from ..plant.record import PLANT
-from ..plant.ship import record_name
-from ..plant.state import STATE, Inputs, State
+from ..plant.state import Inputs, State
 from ..plant.stepping import Disturbance, prepare
-from ..plant.waves import SEA, calm
-from .kernel import Arrays, control_interval, first_observation
-from .records import EPISODE, MAX_ORDERS, OBSERVATION, TRUTH
-from .rewards import REWARD_TERMS
+from ..plant.waves import calm
+from .kernel import control_interval, first_observation
+from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
 from .settings import Begin, Settings, check_randomise, drawn, noise_of, seas_of
 from .tasks import get_task
+
+_FIELDS: Any = ENVIRONMENT.fields
 
 
 @functools.lru_cache(maxsize=16)
@@ -58,6 +57,23 @@ def _governor_gains(ship: Ship) -> NDArray[np.float64]:
     return np.array(tune(ship, ship.time_step_s))
 
 
+class Arrays(NamedTuple):
+    """A batch by kind of record, each an array of shape (n,) that shares its memory with the batch."""
+
+    plants: Any
+    states: Any
+    memories: Any
+    seas: Any
+    observers: Any
+    estimates: Any
+    episodes: Any
+    observations: Any
+    terms: Any
+    truths: Any
+    rewards: Any
+    ended: Any
+
+
 class Batch:
     """Environments 0 to n - 1 with one task.
 
@@ -79,11 +95,10 @@ class Batch:
         self.steps = settings.steps(self.dt)
         self.interval_s = self.steps * self.dt
         self.seas_to_draw = seas_of(settings.sea, self.task)
-        self.noise = noise_of(self.ship, settings.sensor_noise)
         check_randomise(self.ship, settings.randomise or {})
-        self._varied = {
-            record_name(key, self.ship): width for key, width in (settings.randomise or {}).items()
-        }
+        self._varied = [
+            (self.ship.number(key), width) for key, width in (settings.randomise or {}).items()
+        ]
         self.gains = np.zeros((3, 0))
         if settings.action_mode == "shaft-speed":
             self.gains = _governor_gains(self.ship)
@@ -91,33 +106,33 @@ class Batch:
         self._plant = self.ship.record()
         self.n = n
         observer = get_observer(settings.observer, settings.tuning).discretise(self.ship, self.dt)
-        self.arrays = Arrays(
-            plants=np.full(n, self._plant, PLANT),
-            states=np.zeros(n, STATE),
-            memories=np.zeros(n, MEMORY),
-            seas=np.zeros(n, SEA),
-            observers=np.full(n, observer, OBSERVER),
-            estimates=np.zeros(n, ESTIMATE),
-            episodes=np.zeros(n, EPISODE),
-            observations=np.zeros(n, OBSERVATION),
-            terms=np.zeros(n, REWARD_TERMS),
-            truths=np.zeros(n, TRUTH),
-            rewards=np.zeros(n),
-            ended=np.zeros(n, np.int64),
-        )
-        self.weights = np.zeros(1, REWARD_TERMS)[0]
+        self.environments = np.zeros(n, ENVIRONMENT)
+        self.environments["plant"] = self._plant
+        self.environments["observer"] = observer
+        self.common = np.zeros(1, COMMON)[0]
+        self.common["noise"] = noise_of(self.ship, settings.sensor_noise)
         for term, weight in self.task.weights.model_dump().items():
-            self.weights[term] = weight
+            self.common["weights"][term] = weight
+
+    @property
+    def arrays(self) -> Arrays:
+        """The batch by kind of record."""
+        return Arrays(*(self.environments[name] for name in ENVIRONMENT.names or ()))
 
     @property
     def observation(self) -> NDArray[np.float32]:
         """The observations as plain rows, shape (n, 8)."""
-        return np.asarray(self.arrays.observations.view(np.float32).reshape(self.n, -1))
+        # a record's field is no contiguous array, so its rows are laid over the records' memory
+        offset = _FIELDS["observation"][1]
+        return np.ndarray(
+            (self.n, len(OBSERVED)), np.float32, self.environments.data, offset,
+            (ENVIRONMENT.itemsize, 4),
+        )  # fmt: skip
 
     @property
     def elapsed(self) -> NDArray[np.int64]:
         """Control intervals since the last reset, shape (n,)."""
-        return np.asarray(self.arrays.episodes["elapsed"])
+        return np.asarray(self.environments["episode"]["elapsed"])
 
     def reset(self, i: int, rng: np.random.Generator, begin: Begin) -> None:
         """Begin a new episode of environment ``i``.
@@ -129,8 +144,8 @@ class Batch:
         """
         task, episode, plant = self.task, self.arrays.episodes[i], self.arrays.plants[i]
         self.arrays.plants[i] = self._plant
-        for name, width in self._varied.items():
-            plant[name] *= rng.uniform(1.0 - width, 1.0 + width)
+        for number, width in self._varied:
+            number.write(plant, number.value * rng.uniform(1.0 - width, 1.0 + width))
         sea = begin.seas[int(rng.integers(len(begin.seas)))]
         wave_seed = int(rng.integers(2**31))
         self.arrays.seas[i] = (
@@ -175,7 +190,7 @@ class Batch:
 
     def observe(self, which: NDArray[np.int64]) -> None:
         """Fill the observations of environments that were just reset."""
-        first_observation(self.arrays, self.noise, self.dt, which)
+        first_observation(self.environments, self.common, self.dt, which)
 
     def step(
         self, action: NDArray[np.float32], pool: ThreadPoolExecutor | None = None, shares: int = 1
@@ -195,6 +210,5 @@ class Batch:
 
     def _step(self, action: NDArray[np.float32], first: int, last: int) -> None:
         control_interval(
-            self.arrays, self.noise, self.weights, self.gains, action, self.steps, self.dt,
-            first, last,
+            self.environments, self.common, self.gains, action, self.steps, self.dt, first, last,
         )  # fmt: skip

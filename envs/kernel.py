@@ -7,7 +7,7 @@ sub-environment. The single environment is a batch of one, so both are the same 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,24 +21,6 @@ from ..plant.stepping import Disturbance, observe, step
 from .randomness import normal
 from .records import MAX_ORDERS
 from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of
-
-
-class Arrays(NamedTuple):
-    """A batch of n environments: a record of each kind for every one."""
-
-    plants: Any  # PLANT
-    states: Any  # STATE
-    memories: Any  # MEMORY
-    seas: Any  # SEA
-    observers: Any  # OBSERVER
-    estimates: Any  # ESTIMATE
-    episodes: Any  # EPISODE
-    observations: Any  # OBSERVATION, filled
-    terms: Any  # REWARD_TERMS, means over the interval in physical units, filled
-    truths: Any  # TRUTH, at the interval's last step, filled
-    rewards: Any  # minus the weighted sum of the terms, filled
-    ended: Any  # RUNNING, STALLED or TRIPPED, filled
-
 
 MEAN_S = 20.0  # over which a torque's mean is taken
 
@@ -75,8 +57,7 @@ def disturbance(episode: Record, time: float) -> Disturbance:
 
 @compiled
 def _measure(
-    all: Arrays,
-    i: int,
+    env: Record,
     noise: Record,
     shaft_speed: float,
     acceleration: float,
@@ -84,38 +65,41 @@ def _measure(
     speed_log: float,
     order: float,
 ) -> None:
-    """Read the noisy instruments, let the observer follow, and fill an observation."""
-    memory, episode, row = all.memories[i], all.episodes[i], all.observations[i]
+    """Read the noisy instruments, let the observer follow, and fill the observation."""
+    memory, episode, seen = env.memory, env.episode, env.observation
     speed = shaft_speed + noise.shaft_speed * normal(episode)
     torque = memory.shaft_torque + noise.shaft_torque * normal(episode)
     pitch = memory.pitch_ratio + noise.pitch_ratio * normal(episode)
     acceleration += noise.shaft_acceleration * normal(episode)
     reading = Measurement(speed, torque, pitch, acceleration, advance_velocity)
     episode.measured_shaft_speed = speed
-    velocity = update(all.observers[i], all.estimates[i], reading)
-    row.speed_order = order
-    row.shaft_speed = speed
-    row.measured_shaft_torque = torque
-    row.measured_pitch_ratio = pitch
-    row.fuel_rack = memory.rack
-    row.measured_ship_speed = speed_log + noise.ship_speed * normal(episode)
-    row.estimated_advance_velocity = velocity
-    row.estimate_valid = all.estimates[i].valid
+    velocity = update(env.observer, env.estimate, reading)
+    seen.speed_order = order
+    seen.shaft_speed = speed
+    seen.measured_shaft_torque = torque
+    seen.measured_pitch_ratio = pitch
+    seen.fuel_rack = memory.rack
+    seen.measured_ship_speed = speed_log + noise.ship_speed * normal(episode)
+    seen.estimated_advance_velocity = velocity
+    seen.estimate_valid = env.estimate.valid
 
 
 @compiled
-def first_observation(all: Arrays, noise: Record, dt: float, which: NDArray[np.int64]) -> None:
+def first_observation(
+    environments: Any, common: Record, dt: float, which: NDArray[np.int64]
+) -> None:
     """Fill the observations of environments ``which`` that were just reset."""
     for i in which:
-        state, episode = all.states[i], all.episodes[i]
+        env = environments[i]
+        state, episode = env.state, env.episode
         outputs = observe(
-            all.plants[i], state, all.memories[i], all.seas[i], episode.pitch_command,
+            env.plant, state, env.memory, env.sea, episode.pitch_command,
             disturbance(episode, 0.0), dt,
         )  # fmt: skip
         episode.gauge_torque = episode.mean_torque = outputs.shaft_torque
         _measure(
-            all, i, noise, state.shaft_speed, outputs.shaft_acceleration, outputs.advance_velocity,
-            all.memories[i].speed_log, speed_order(episode, 0.0),
+            env, common.noise, state.shaft_speed, outputs.shaft_acceleration,
+            outputs.advance_velocity, env.memory.speed_log, speed_order(episode, 0.0),
         )  # fmt: skip
 
 
@@ -137,9 +121,8 @@ def _gains_at(gains: NDArray[np.float64], speed: float) -> tuple[float, float]:
 
 @compiled
 def control_interval(
-    all: Arrays,
-    noise: Record,
-    weights: Record,
+    environments: Any,
+    common: Record,
     gains: NDArray[np.float64],
     action: NDArray[np.float32],
     steps: int,
@@ -150,9 +133,8 @@ def control_interval(
     """Carry environments ``first`` to ``last`` over one control interval; all changes in place.
 
     Args:
-        all: the batch.
-        noise: NOISE record.
-        weights: of the reward terms, REWARD_TERMS record.
+        environments: ENVIRONMENT array of shape (n,).
+        common: COMMON record.
         gains: of the governor: shaft speed, k_p, k_i by row, shape (3, m); shape (3, 0) leaves the
             rack to the action.
         action: in [-1, 1], shape (n, 2), over the ship's ranges: pitch command, and fuel rack command
@@ -165,13 +147,9 @@ def control_interval(
     governed = gains.shape[1] > 0
     share = 1.0 / steps
     for i in range(first, last):
-        plant, state, memory, episode = (
-            all.plants[i],
-            all.states[i],
-            all.memories[i],
-            all.episodes[i],
-        )
-        terms, truth = all.terms[i], all.truths[i]
+        env = environments[i]
+        plant, state, memory, episode = env.plant, env.state, env.memory, env.episode
+        terms, truth = env.terms, env.truth
         pitch = decode(action[i, 0], plant.pitch_ratio_min, plant.pitch_ratio_max)
         drive = decode(action[i, 1], plant.drive_min, plant.drive_max)
         set_point = decode(
@@ -192,7 +170,7 @@ def control_interval(
                 )  # fmt: skip
             shaft_speed, ship_speed, log = state.shaft_speed, state.ship_speed, memory.speed_log
             outputs = step(
-                plant, state, memory, all.seas[i], drive, pitch, disturbance(episode, time),
+                plant, state, memory, env.sea, drive, pitch, disturbance(episode, time),
                 disturbance(episode, time + 0.5 * dt), disturbance(episode, time + dt), dt,
             )  # fmt: skip
             torque_before = episode.gauge_torque
@@ -215,12 +193,12 @@ def control_interval(
             truth.brake_torque = outputs.brake_torque
             truth.position = state.position
             _measure(
-                all, i, noise, shaft_speed, outputs.shaft_acceleration, outputs.advance_velocity,
+                env, common.noise, shaft_speed, outputs.shaft_acceleration, outputs.advance_velocity,
                 log, order,
             )  # fmt: skip
-        all.ended[i] = _why_ended(plant, state.shaft_speed)
-        terms.failure = 0.0 if all.ended[i] == RUNNING else 1.0
-        all.rewards[i] = reward_of(weights, terms)
+        env.ended = _why_ended(plant, state.shaft_speed)
+        terms.failure = 0.0 if env.ended == RUNNING else 1.0
+        env.reward = reward_of(common.weights, terms)
         episode.elapsed += 1
 
 

@@ -5,6 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..baselines.controller import OBSERVED
+from ..observers.base import ESTIMATE, OBSERVER
+from ..plant.memory import MEMORY
+from ..plant.record import PLANT
+from ..plant.state import STATE
+from ..plant.waves import SEA
+from .rewards import REWARD_TERMS
 
 MAX_ORDERS = 64
 
@@ -55,3 +61,25 @@ TRUTH = np.dtype(
 
 TRUTHS: tuple[str, ...] = TRUTH.names or ()
 """Its names."""
+
+ENVIRONMENT = np.dtype(
+    [
+        ("plant", PLANT),
+        ("state", STATE),
+        ("memory", MEMORY),
+        ("sea", SEA),
+        ("observer", OBSERVER),
+        ("estimate", ESTIMATE),
+        ("episode", EPISODE),
+        ("observation", OBSERVATION),
+        ("terms", REWARD_TERMS),  # means over the interval in physical units
+        ("truth", TRUTH),
+        ("reward", np.float64),  # minus the weighted sum of the terms
+        ("ended", np.int64),  # RUNNING, STALLED or TRIPPED
+    ],
+    align=True,
+)
+"""Everything of one environment; a batch is an array of them."""
+
+COMMON = np.dtype([("noise", NOISE), ("weights", REWARD_TERMS)], align=True)
+"""What the environments of a batch share: instruments' noise, weights of the reward terms."""

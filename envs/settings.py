@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant import Sea, Ship, get_sea
-from ..plant.keys import info_of
 from .records import MAX_ORDERS, NOISE
 from .tasks import Task
 
@@ -34,7 +33,8 @@ class Settings:
         tuning: its tuning.
         sea: preset; parameters, such as ``{"hs_m": (1.0, 5.0), "tp_s": 9.0}``, where a pair is a range
             from which each episode draws; or a list of those to draw from; the task's by default.
-        sensor_noise: 1 for the usual instruments, 0 for perfect ones, or rms by instrument.
+        sensor_noise: factor on the usual instruments' (0 for perfect ones), or rms by instrument [its
+            unit].
         control_interval_s: time between actions [s], a multiple of the plant's time step.
         episode_s: length of an episode [s].
         randomise: half width of a uniform factor by dotted key of the ship's file, such as
@@ -183,8 +183,7 @@ def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
             raise ValueError(f"{where}: must be a number of the ship's file by its dotted key")
         if not 0.0 <= width < 1.0:
             raise ValueError(f"{where}: must be a half width from 0 to below 1")
-        info = info_of(ship.key(key))
-        value = ship.value(key)
+        _, value, info, *_ = ship.number(key)
         if value == 0.0 or not math.isfinite(value):
             raise ValueError(f"{where}: the ship has {value:g} there, which a factor does not vary")
         ends = sorted((value * (1.0 - width), value * (1.0 + width)))

@@ -1,1 +1,29 @@
 """Locate, name, fit and prove what a simulation leaves out of a recording."""
+
+from .diagnosis import Diagnosis
+from .estimate import Estimate
+from .folder import diagnose_folder
+from .judge.findings import Finding
+from .judge.fit import fit_percent
+from .options import Options
+from .pipeline import diagnose
+from .recordings import Recording, fetch, load_recording
+from .report.index import DiagnosisIndex
+from .search.catalogue import Effect, Parameter, catalogue
+
+__all__ = [
+    "Diagnosis",
+    "DiagnosisIndex",
+    "Effect",
+    "Estimate",
+    "Finding",
+    "Options",
+    "Parameter",
+    "Recording",
+    "catalogue",
+    "diagnose",
+    "diagnose_folder",
+    "fetch",
+    "fit_percent",
+    "load_recording",
+]

@@ -1,49 +1,30 @@
-"""Diagnose a recording: where it differs from the simulation, what physics is missing, and the proof.
-
-The order follows what the evidence recommends: set data aside before anything is fitted; form the
-residuals balance by balance; let nominal numbers move inside their tolerances first; screen the
-catalogue on simulated trajectories under whitened noise; fit by output error; judge on the data set
-aside.
-"""
+"""A diagnosis: everything that was found, and what can be done with it."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
+from ..core.files import write_json, write_text
 from ..plant.ship import Ship
-from .judge.confirmation import close_call, confirmed, explained_share, shape_to_show
-from .judge.findings import Detectable, Finding, detectable_effects, findings_of
-from .judge.held_out import Segments, bands_of, held_out_judge, set_aside
-from .judge.location import active_windows, change_points, regime, windows_between
-from .judge.shapes import Shape, best_shapes, signals_of
-from .judge.whiteness import Colour, Whiteness
-from .recordings.noise import describe
-from .search.catalogue import applicable
-from .search.fitting import Fitter
+from ..plant.ship_files import write_ship
+from .judge.findings import Detectable, Finding
+from .judge.shapes import Shape
+from .judge.whiteness import Colour
 from .search.placed import Window
-from .search.selection import TELL_APART, Candidate, Selector, Tick
-from .simulate.balances import PART_OF, Balances
-from .simulate.joint_replay import JointReplay
+from .search.selection import Candidate
 
-EXPLAINED_SHARE = 0.8
-"""Named effects must explain this share of the residual's power beyond the noise, where what is left is
-more than noise; else they are not the truth and the verdict is ``unexplained``."""
+REPORT, PAGE, SHIP = "report.json", "report.html", "corrected_ship.toml"
+"""Names of the files of a diagnosis."""
 
 
-EXPLAINED, NOTHING, UNEXPLAINED = "explained", "nothing-missing", "unexplained"
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
-    """Everything that the reports tell.
+    """Where recordings and the simulation differ, what physics is missing, and the proof.
 
     Args:
         verdict: ``explained``, ``nothing-missing`` or ``unexplained``.
@@ -61,12 +42,15 @@ class Diagnosis:
         findings: effects, in the order of discovery.
         shape: the missing quantity without a name, where the verdict is ``unexplained``; then the
             windows and the regime in which it acts.
+        shape_windows: in which it acts [s].
+        shape_regime: in words.
         explained: share of the residual's power beyond the instruments' noise that the effects explain.
         left_over: where what they leave is more than noise; None where it is noise.
         ranking: the catalogue, best first, and each entry's threshold.
         detectable: smallest effects that the recording would have shown.
-        fit_before: FitPercent by column on the held-out part; likewise ``fit_after``.
-        held_out_gain: in 2 log L, on the held-out part alone.
+        fit_before: FitPercent by column on the held-out part, without those that are constant there.
+        fit_after: likewise, of the corrected ship.
+        held_out_gain: of the corrected ship in 2 log L, on the held-out part alone.
         excited: whether the demands move enough to tell effects apart.
         limits: why the recording may not decide.
         warnings: what was noticed about the recording.
@@ -99,173 +83,53 @@ class Diagnosis:
     limits: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
+    # the reports read a diagnosis, so they are loaded where one is told
 
-def fit_percent(measured: Any, simulated: Any) -> float:
-    """FitPercent = 100 (1 - ||y - y_sim|| / ||y - mean(y)||)."""
-    spread = float(np.linalg.norm(measured - np.mean(measured)))
-    if spread == 0.0:
-        return 0.0
-    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
+    @property
+    def sentence(self) -> str:
+        """The answer in one sentence."""
+        from .report.sentences import sentence
 
+        return sentence(self)
 
-def diagnose(
-    ship: Ship,
-    *tables: pd.DataFrame,
-    exclude: Iterable[str] = (),
-    held_out_runs: int = 0,
-    tolerance: float = 1.0,
-    limits: Iterable[str] = (),
-    warnings: Iterable[str] = (),
-    tick: Tick = lambda stage, done, total: None,
-) -> Diagnosis:
-    """Compare a ship with recordings of it.
+    def summary(self) -> str:
+        """The answer, what was found with its intervals, and the fit, as text for a terminal."""
+        from .report.text import summary
 
-    Args:
-        ship: the nominal ship.
-        tables: recordings with canonical columns at an even interval; all of one condition of the ship.
-        exclude: ids of the catalogue to leave out.
-        held_out_runs: how many of the last recordings are set aside; 0 sets aside a quarter of one.
-        tolerance: factor on the tolerances of the nominal numbers.
-        limits: why the recording may not decide, from its checks.
-        warnings: from its checks.
-        tick: told the stage, how much is done, and how much there is.
+        return summary(self)
 
-    Raises:
-        ValueError: recordings that do not go together, or an unknown id.
-        ShipError: a ship that cannot be simulated.
-    """
-    with threadpool_limits(1, "blas"):
-        replay = JointReplay(ship, *tables)
-        balances = Balances(replay)
-        noise = {
-            c: describe(tables[0][c].to_numpy(dtype=np.float64), replay.interval_s).white_rms
-            for c in replay.channels
-        }
-        whiteness, held = _parted(balances, held_out_runs, tolerance, noise)
-        effects = applicable(ship, set(tables[0].columns), exclude)
-        selector = Selector(whiteness.fitter, effects, _episodes(balances), tick)
-        return _judged(selector, whiteness, held, list(limits), list(warnings))
+    def to_dict(self) -> dict[str, Any]:
+        """What stands in ``report.json``: numbers in the units that their names carry."""
+        from .report.data import as_dict
 
+        return as_dict(self)
 
-def _parted(
-    balances: Balances, runs: int, tolerance: float, noise: dict[str, float]
-) -> tuple[Whiteness, Segments]:
-    """Set data aside; not a part that alone holds all that is missing, for nothing could be learnt."""
-    parted = []
-    for train, held in set_aside(balances.replay, runs):
-        fitter = Fitter(balances, bands_of(balances, train), tolerance)
-        parted.append((Whiteness(fitter, noise), held))
-        if parted[-1][0].colour(fitter.null) is not None:
-            return parted[-1]
-    return parted[0]
+    def save(self, folder: str | Path, *, page: bool = True) -> Path:
+        """Write ``report.json``, ``report.html`` and ``corrected_ship.toml``.
 
+        All is made before anything is written, and each file is renamed into place.
 
-def _episodes(balances: Balances) -> list[Window]:
-    """Windows in which an episode of resistance may lie."""
-    if "hull" not in balances.names or len(balances.replay.segments) > 1:
-        return []
-    row = balances.lacking(balances.nominal)[balances.names.index("hull")]
-    interval = balances.replay.interval_s
-    changes = change_points(row, interval)
-    return windows_between(changes, float(balances.replay.time_s[-1]))
+        Args:
+            folder: made where needed.
+            page: whether ``report.html`` with its figures is wanted.
 
+        Returns:
+            The folder.
 
-def _judged(
-    selector: Selector,
-    whiteness: Whiteness,
-    held: Segments,
-    limits: list[str],
-    warnings: list[str],
-) -> Diagnosis:
-    fitter, tick = selector.fitter, selector.tick
-    balances, replay = fitter.balances, fitter.balances.replay
-    selection = selector.search()
-    tick("judging on the data set aside", 0, 1)
-    measured = replay.measured()
-    lacking = balances.lacking(balances.nominal)
-    judge = held_out_judge(fitter, held)
-    selection = confirmed(selection, fitter, judge)
-    fit = selection.fit
-    nominal = judge(fitter.workshop.nominal)
-    gain = judge(fitter.workshop.record(fit.effects)) - nominal
-    colour, left_over = whiteness.colour(fitter.null), whiteness.colour(fit)
-    explained = explained_share(whiteness, fitter.null, fit)
-    veto = bool(fit.effects) and gain < -TELL_APART
-    several = len(fit.effects) > 1 or any(selection.rivals) or close_call(selection)
-    undecided = bool(fit.effects) and not replay.excited and several
-    not_the_truth = left_over is not None and explained < EXPLAINED_SHARE
-    shape: Shape | None = None
-    verdict = EXPLAINED if fit.effects else NOTHING
-    if veto or undecided or not_the_truth or not fit.effects:
-        # what was named does not hold, or nothing was: is there more than noise at all?
-        verdict = UNEXPLAINED if colour is not None or undecided or not_the_truth else NOTHING
-    if verdict == UNEXPLAINED:
-        shape = shape_to_show(best_shapes(fitter, fitter.null), balances, colour or left_over)
-    misfit = math.sqrt(max(1.0 - explained, 0.0))
-    findings = findings_of(fitter, selection, lacking, misfit) if verdict == EXPLAINED else []
-    windows: list[Window] = []
-    where = ""
-    if shape is not None:
-        windows = active_windows(shape.trace, replay.interval_s, float(replay.time_s[-1]))
-        signals = signals_of(fitter, fitter.null)
-        where = regime(shape.trace, {k: v for k, v in signals.items() if k != "time"})
-    corrected = fitter.workshop.corrected(fit.effects if findings else ())
-    if shape is not None and shape.balance not in PART_OF:
-        shaped = _with_shape(corrected, shape)
-        gain = judge(shaped.record()) - nominal
-        if gain > 0.0:  # a shape that does not hold on data set aside is shown, not used
-            corrected = shaped
-    before = balances.nominal
-    samples = replay.simulate(corrected.record())
-    after = replay.simulated(samples)
-    rows = np.concatenate([np.arange(a, b) for a, b in held])
-    interval = replay.interval_s
-    diagnosis = Diagnosis(
-        verdict=verdict,
-        ship=replay.ship,
-        corrected=corrected,
-        time_s=replay.time_s,
-        held_out=[(a * interval, b * interval) for a, b in held],
-        drive=replay.drive_rows,
-        measured=measured,
-        before=before,
-        after=after,
-        balances=list(zip(balances.names, balances.units, strict=True)),
-        residual_before=lacking,
-        residual_after=balances.lacking(after),
-        findings=findings,
-        shape=shape,
-        shape_windows=windows,
-        shape_regime=where,
-        explained=explained,
-        left_over=left_over,
-        ranking=[(c, selector.threshold(c.effect)) for c in selection.ranking],
-        detectable=detectable_effects(
-            fitter, selector.threshold, fit if findings else fitter.null,
-            [c.effect for c in selection.ranking],
-        ),
-        fit_before={c: fit_percent(measured[c][rows], before[c][rows]) for c in measured},
-        fit_after={c: fit_percent(measured[c][rows], after[c][rows]) for c in measured},
-        held_out_gain=float(gain),
-        excited=replay.excited,
-        limits=limits,
-        warnings=warnings,
-    )  # fmt: skip
-    tick("judging on the data set aside", 1, 1)
-    return diagnosis
+        Raises:
+            OSError: the folder cannot be written to.
+        """
+        folder, report, text = Path(folder), self.to_dict(), ""
+        if page:
+            from .report.html import report_html  # draws
 
+            text = report_html(self)
+        write_json(folder / REPORT, report)
+        write_ship(self.corrected, folder / SHIP)
+        if page:
+            write_text(folder / PAGE, text)
+        return folder
 
-def _with_shape(ship: Ship, shape: Shape) -> Ship:
-    """The ship with the missing quantity switched on."""
-    values = np.asarray(shape.values)
-    balance = "engine" if shape.balance == "motor" else shape.balance
-    if balance == "pitch-actuator":
-        values = values / ship.pitch_actuator.time_constant_s
-    return ship.with_values(
-        {
-            "unexplained.balance": balance,
-            "unexplained.signal": shape.signal,
-            "unexplained.knots": [float(x) for x in shape.knots],
-            "unexplained.values": [float(x) for x in values],
-        }
-    )
+    def __repr__(self) -> str:
+        """Verdict and ship; the fields hold arrays as long as the recording."""
+        return f"<Diagnosis of {self.ship.name}: {self.verdict}>"

@@ -19,9 +19,11 @@ from ..core.files import write_text
 from ..core.sweep import source_digest, sweep
 from ..plant.recording import read_table
 from ..plant.ship import Ship
+from .diagnosis import PAGE, REPORT, SHIP
+from .options import Options
+from .pipeline import diagnose
 from .recordings.columns import DATE_TIME, load_map
-from .report.index import row_of, sorted_index, write_index
-from .results import PAGE, REPORT, SHIP, Options, diagnose_files, write_results
+from .report.index import DiagnosisIndex, row_of
 
 ENDINGS = (".csv", ".parquet", ".pq")
 
@@ -52,16 +54,16 @@ def recordings_in(folder: Path) -> dict[str, Path]:
 
 
 def diagnose_folder(
-    folder: Path,
+    folder: str | Path,
     ship: Ship,
-    out: Path,
+    out: str | Path,
     options: Options = Options(),  # noqa: B008 (immutable)
     *,
     jobs: int | None = None,
     backend: str = "processes",
     scheduler: str | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> pd.DataFrame:
+) -> DiagnosisIndex:
     """Diagnose every recording in a folder and write an index of what was found.
 
     A recording that cannot be used is listed with its error and does not stop the rest. What is
@@ -79,13 +81,15 @@ def diagnose_folder(
         tick: called after each recording.
 
     Returns:
-        The index, one row a recording, worst first; columns as in ``index.csv``.
+        The index, worst first, with ``summary()``, ``to_dict()`` and ``save(folder)``; it stands in
+        ``out`` already.
 
     Raises:
         ValueError: no recording in the folder, or ``out`` is the same folder.
         SweepError: a backend that is not there, or a recording on which the tool itself failed; the
             index is written all the same.
     """
+    folder, out = Path(folder), Path(out)
     options.check(ship)
     if out.resolve() == folder.resolve():
         raise ValueError(f"{out}: results need another folder than the recordings")
@@ -123,8 +127,8 @@ def diagnose_folder(
             why = f"the tool failed, see cells/{note.name}" if note.is_file() else "not finished"
             rows[place] = row_of(files[place].name, _date(files[place], None), error=why)
         if (out / "cells").is_dir():
-            write_index(rows.values(), out)
-    return sorted_index(rows.values())
+            DiagnosisIndex.of(rows.values()).save(out)
+    return DiagnosisIndex.of(rows.values())
 
 
 def _name(place: str, path: Path, ship: Ship, options: Options) -> str:
@@ -133,7 +137,7 @@ def _name(place: str, path: Path, ship: Ship, options: Options) -> str:
     said = [repr(ship), repr(sorted(options.exclude)), repr(options.tolerance)]
     if options.columns is not None:
         said.append(options.columns.read_text(encoding="utf-8"))
-    for text in (*said, source_digest("plant", "mismatch")):
+    for text in (*said, source_digest("core", "plant", "mismatch")):
         digest.update(text.encode() + b"\0")
     plain = "".join(c if c.isalnum() or c in "-._" else "-" for c in place)
     return f"{plain}_{digest.hexdigest()[:12]}"
@@ -157,10 +161,10 @@ def _work(ship: Ship, options: Options, cell: _Cell) -> dict[str, Any]:
             options = replace(options, columns=place / "map.toml")
             (place / "map.toml").write_text(cell.columns, encoding="utf-8")
         try:
-            diagnosis = diagnose_files(ship, [path], options=options)
+            diagnosis = diagnose(ship, path, options=options)
         except (ValueError, OSError) as error:  # written for the reader
             return {"error": str(error).replace(str(path), path.name)}
-        write_results(diagnosis, place / "results")
+        diagnosis.save(place / "results")
         return {
             "date": _first_date(path, options),
             "files": {f.name: f.read_text("utf-8") for f in (place / "results").iterdir()},

@@ -1,23 +1,29 @@
-"""Observers that estimate the advance velocity from shaft measurements, one file each."""
+"""Observers that estimate the advance velocity from shaft measurements, one file each.
 
-from .registry import (
-    Observer,
-    ObserverError,
-    follow,
-    follow_table,
-    get_observer,
-    observer_names,
-    readings_of,
-    update,
-)
+:func:`get_observer` gives one by name, :func:`follow` lets it follow a series of readings (of a
+simulation: :func:`readings_of`), :func:`follow_table` a table's; how well it does is told by
+:func:`variance_accounted_for`. In a simulation of one's own :func:`update` takes a sample at a time.
+"""
+
+from .base import ESTIMATE, OBSERVER, Measurement, Observer, ObserverError
+from .following import follow, follow_record, follow_table, readings_of
+from .metrics import variance_accounted_for, with_noise, with_noisy_readings
+from .registry import get_observer, observer_names, update
 
 __all__ = [
+    "ESTIMATE",
+    "OBSERVER",
+    "Measurement",
     "Observer",
     "ObserverError",
     "follow",
+    "follow_record",
     "follow_table",
     "get_observer",
     "observer_names",
     "readings_of",
     "update",
+    "variance_accounted_for",
+    "with_noise",
+    "with_noisy_readings",
 ]

@@ -1,36 +1,29 @@
-"""What all observers share: their records, the measurement, and the way from torque to velocity.
+"""What every observer declares, and what all share: their records and the measurement.
 
-An observer is a pair of records. OBSERVER holds what is fixed: which observer, its discrete
+An observer in use is a pair of records. OBSERVER holds what is fixed: which observer, its discrete
 coefficients, and the ship as the observer believes it to be (a PLANT record of its own, so that a
 wrong belief is one assignment). ESTIMATE holds what changes.
 """
 
 from __future__ import annotations
 
-import math
-from typing import Any, NamedTuple
+import zlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..core.compiled import Record, compiled
-from ..plant.open_water import (
-    MIN_ADVANCE_RATIO,
-    advance_ratio,
-    invert_torque_coefficient,
-    open_water,
-    open_water_slope,
-)
 from ..plant.record import PLANT
+from ..plant.shaft import inertia_behind_gauge
+from ..plant.ship import Ship
 from ..plant.signals import SIGNALS
-
-NONE, ORACLE, LUENBERGER, SHAFT_KALMAN, POWER_BALANCE = 0, 1, 2, 3, 4
-SHAFT_ACCELERATION, SHAFT_ACCELERATION_DERIVED, IMMERSION_INVARIANCE = 5, 6, 7
-RANDOM_WALK_KALMAN, RANDOM_WALK_KALMAN_PRINTED = 8, 9
-"""Codes of ``observer.kind``."""
 
 OBSERVER = np.dtype(
     [
-        ("kind", np.int64),
+        ("kind", np.int64),  # whose update, see code_of
+        ("reads_instruments", np.int64),
         ("dt", np.float64),
         # linear observers: x+ = transition x + now u(t+dt) + before u(t), u = (omega, M_m)
         ("transition", np.float64, (2, 2)),
@@ -73,10 +66,101 @@ class Measurement(NamedTuple):
     advance_velocity: float  # [m/s]
 
 
+READINGS = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio", "shaft_acceleration_rad_s2"]
+"""Columns of a recording that the observers read, in the order of a :class:`Measurement`."""
+
+
+class ObserverError(ValueError):
+    """An observer or tuning that does not exist, or a ship that it cannot serve; the message says it."""
+
+
+class Observer(ABC):
+    """Base class: estimates the advance velocity from shaft measurements.
+
+    A subclass is a frozen dataclass of its tuning in a file of this folder; it is found there and
+    needs to be named nowhere else. It says its ``name`` and ``source``, gives ``update``, and where it
+    has coefficients it extends ``discretise``. A class that declares no name of its own is a variant,
+    reached as one of the ``tunings`` of another.
+    """
+
+    name: ClassVar[str]
+    """By which it is chosen."""
+    source: ClassVar[str] = ""
+    """Where it is published; observers are listed by source, then by name."""
+    tunings: ClassVar[Mapping[str, Observer]] = {}
+    """Other tunings by name; ``NAME-TUNING`` chooses one."""
+    reads_instruments: ClassVar[bool] = True
+    """Whether a reading that cannot be true stops it: for all but the oracle."""
+
+    @staticmethod
+    @abstractmethod
+    def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
+        """One sample; a compiled kernel.
+
+        Args:
+            observer: OBSERVER record of :meth:`discretise`.
+            estimate: ESTIMATE record; the kernel keeps its own state in ``x`` and ``covariance``, last
+                readings and estimate are stored for it.
+            m: plausible readings.
+
+        Returns:
+            Advance velocity [m/s] and whether to trust it.
+        """
+
+    @property
+    def kind(self) -> int:
+        """Code of its update in an OBSERVER record."""
+        return code_of(self.update)
+
+    def discretise(self, ship: Ship, dt: float) -> Any:
+        """OBSERVER record.
+
+        Args:
+            ship: as the observer believes it to be.
+            dt: sample time [s].
+
+        Raises:
+            ObserverError: the ship lacks what this observer needs.
+        """
+        record = np.zeros(1, OBSERVER)[0]
+        record["kind"] = self.kind
+        record["reads_instruments"] = self.reads_instruments
+        record["dt"] = dt
+        record["ship"] = ship.record()
+        return record
+
+    def inertia(self, ship: Ship) -> float:
+        """Inertia I_R [kg m2] of what turns behind the torque gauge, for observers that divide by it.
+
+        Raises:
+            ObserverError: it is 0.
+        """
+        inertia = inertia_behind_gauge(ship.record())
+        if not inertia > 0.0:
+            raise ObserverError(
+                f"{ship.name}: the observer {self.name!r} needs the inertia behind the torque gauge, "
+                "but transmission.inertia_propeller_side_kg_m2 is 0 (unit kg m2); give the inertia of "
+                "propeller and shaft there, or take an observer that does without, such as "
+                "'power-balance'"
+            )
+        return inertia
+
+
+def code_of(update: Callable[..., Any]) -> int:
+    """A kernel's code in OBSERVER records, made from its name.
+
+    So it stays what it is when other observers come and go: machine code kept on disk goes by it.
+    """
+    return zlib.crc32(f"{update.__module__}.{update.__qualname__}".encode())
+
+
 _HIGHEST = {signal.name: float(signal.high) for signal in SIGNALS}
 _MAX_SPEED = _HIGHEST["shaft_speed"]
 _MAX_TORQUE = _HIGHEST["measured_shaft_torque"]
 _MAX_PITCH = _HIGHEST["measured_pitch_ratio"]
+
+PITCH_MARGIN = 0.1
+"""How far a measured P/D may lie beyond the ship's range [-], for noise and offsets."""
 
 
 @compiled
@@ -91,50 +175,9 @@ def is_plausible(m: Measurement) -> bool:
 
 @compiled
 def pitch_is_known(ship: Record, pitch_ratio: float) -> bool:
-    """Whether a pitch lies in the ship's range, with a margin for noise and offsets."""
-    margin = 0.1
-    return bool(ship.pitch_ratio_min - margin <= pitch_ratio <= ship.pitch_ratio_max + margin)
-
-
-@compiled
-def model_torque(ship: Record, velocity: float, shaft_speed: float, pitch_ratio: float) -> float:
-    """Propeller torque M_p [N m] that the observer's model expects (thesis eq. 2-5)."""
-    n = shaft_speed * (0.5 / math.pi)
-    j = max(advance_ratio(velocity, shaft_speed, ship.diameter), MIN_ADVANCE_RATIO)
-    kq = open_water(ship.kq, j, pitch_ratio)
-    return float(ship.density * ship.diameter**5 * n * n * kq / ship.relative_rotative_efficiency)
-
-
-@compiled
-def torque_slopes(
-    ship: Record, velocity: float, shaft_speed: float, pitch_ratio: float
-) -> tuple[float, float]:
-    """Partial derivatives of M_p to omega [N m s/rad] and to v_a [N s] (thesis eqs. 2-26, 2-38)."""
-    n = shaft_speed * (0.5 / math.pi)
-    j = max(advance_ratio(velocity, shaft_speed, ship.diameter), MIN_ADVANCE_RATIO)
-    kq = open_water(ship.kq, j, pitch_ratio)
-    slope = open_water_slope(ship.kq, j, pitch_ratio)
-    factor = ship.density * ship.diameter**5 / ship.relative_rotative_efficiency
-    by_velocity = factor * n * slope / ship.diameter
-    by_speed = factor * n * (2.0 * kq - j * slope) * (0.5 / math.pi)
-    return by_speed, by_velocity
-
-
-@compiled
-def velocity_from_torque(
-    ship: Record, torque: float, shaft_speed: float, pitch_ratio: float, guess: float
-) -> tuple[float, bool]:
-    """Advance velocity [m/s] at which the propeller takes a torque (thesis eqs. 3-7 and 3-8).
-
-    KQ is inverted exactly. The second value tells whether the torque lies on the curve.
-    """
-    n = shaft_speed * (0.5 / math.pi)
-    if not n > 1e-3:
-        return guess, False
-    kq = torque * ship.relative_rotative_efficiency / (ship.density * ship.diameter**5 * n * n)
-    scale = n * ship.diameter
-    j, valid = invert_torque_coefficient(ship.kq, kq, pitch_ratio, guess / scale)
-    return j * scale, valid
+    """Whether a pitch lies in the ship's range, with :data:`PITCH_MARGIN`."""
+    lowest, highest = ship.pitch_ratio_min - PITCH_MARGIN, ship.pitch_ratio_max + PITCH_MARGIN
+    return bool(lowest <= pitch_ratio <= highest)
 
 
 @compiled
@@ -146,12 +189,3 @@ def remember(estimate: Record, m: Measurement, velocity: float, valid: bool) -> 
     estimate.pitch_ratio = m.pitch_ratio
     estimate.advance_velocity = velocity
     estimate.valid = 1 if valid else 0
-
-
-def blank_observer(kind: int, ship: Any, dt: float) -> Any:
-    """OBSERVER record with its kind, its ship's record and its time step [s]."""
-    record = np.zeros(1, OBSERVER)[0]
-    record["kind"] = kind
-    record["dt"] = dt
-    record["ship"] = ship
-    return record

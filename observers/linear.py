@@ -6,6 +6,7 @@ A = [[0, -1/I_R], [0, 0]], B = [1/I_R, 0], C = [1, 0] (thesis eqs. 3-3 to 3-5); 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,16 @@ from scipy.linalg import expm
 
 from ..core.compiled import Record, compiled
 from ..plant.ship import Ship
-from .base import Measurement, blank_observer, velocity_from_torque
+from .base import Measurement, Observer
+from .torque_curve import velocity_from_torque
+
+FAR_SHARE = 0.2
+"""Share of the measured shaft speed by which the estimated one may differ in a valid estimate: after a
+glitch it needs its time to come back."""
 
 
 def shaft_model(inertia: float) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """A, B, C of thesis eq. 3-3 for the propeller-side inertia I_R [kg m2]."""
+    """A, B, C of thesis eq. 3-3 for the inertia I_R behind the gauge [kg m2]."""
     a = np.array([[0.0, -1.0 / inertia], [0.0, 0.0]])
     return a, np.array([[1.0 / inertia], [0.0]]), np.array([[1.0, 0.0]])
 
@@ -48,47 +54,50 @@ def first_order_hold(
     return exponential[:n, :n], held - ramp, ramp
 
 
-def linear_observer(kind: int, gain: NDArray[Any], ship: Ship, dt: float) -> Any:
-    """OBSERVER record of a linear shaft observer with gain K = (k1, k2)."""
-    plant = ship.record()
-    a, b, c = shaft_model(float(plant["inertia_propeller_side"]))
-    gain = np.asarray(gain, dtype=float).reshape(2, 1)
-    record = blank_observer(kind, plant, dt)
-    record["transition"], record["before"], record["now"] = first_order_hold(
-        a - gain @ c, np.hstack([gain, b]), dt
-    )
-    return record
+class LinearObserver(Observer):
+    """Observer of shaft speed and propeller torque with a constant gain."""
 
+    @abstractmethod
+    def gain(self, ship: Ship) -> NDArray[Any]:
+        """K = (k1 [1/s], k2 [N m/rad]) on the error of the shaft speed, shape (2, 1).
 
-@compiled
-def update_linear(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
-    """One sample: estimates omega and M_p, then v_a by the inverse torque curve."""
-    if estimate.started == 0:
-        # at rest in the first measurement: M_p = M_m
-        estimate.x[0] = m.shaft_speed
-        estimate.x[1] = m.shaft_torque
-    else:
-        f, before, now = observer.transition, observer.before, observer.now
-        x0, x1 = estimate.x[0], estimate.x[1]
-        w0, w1 = estimate.shaft_speed, estimate.shaft_torque
-        estimate.x[0] = (
-            f[0, 0] * x0
-            + f[0, 1] * x1
-            + before[0, 0] * w0
-            + before[0, 1] * w1
-            + now[0, 0] * m.shaft_speed
-            + now[0, 1] * m.shaft_torque
+        Raises:
+            ObserverError: there is no inertia behind the gauge.
+        """
+
+    def discretise(self, ship: Ship, dt: float) -> Any:
+        """OBSERVER record for a time step ``dt`` [s]; exact, so stable for any gain and step."""
+        record = super().discretise(ship, dt)
+        a, b, c = shaft_model(self.inertia(ship))
+        gain = self.gain(ship)
+        record["transition"], record["before"], record["now"] = first_order_hold(
+            a - gain @ c, np.hstack([gain, b]), dt
         )
-        estimate.x[1] = (
-            f[1, 0] * x0
-            + f[1, 1] * x1
-            + before[1, 0] * w0
-            + before[1, 1] * w1
-            + now[1, 0] * m.shaft_speed
-            + now[1, 1] * m.shaft_torque
+        return record
+
+    @staticmethod
+    @compiled
+    def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
+        """One sample: estimates omega and M_p, then v_a by the inverse torque curve."""
+        if estimate.started == 0:
+            # at rest in the first measurement: M_p = M_m
+            estimate.x[0] = m.shaft_speed
+            estimate.x[1] = m.shaft_torque
+        else:
+            f, before, now = observer.transition, observer.before, observer.now
+            x0, x1 = estimate.x[0], estimate.x[1]
+            w0, w1 = estimate.shaft_speed, estimate.shaft_torque
+            for i in range(2):
+                estimate.x[i] = (
+                    f[i, 0] * x0
+                    + f[i, 1] * x1
+                    + before[i, 0] * w0
+                    + before[i, 1] * w1
+                    + now[i, 0] * m.shaft_speed
+                    + now[i, 1] * m.shaft_torque
+                )
+        velocity, valid = velocity_from_torque(
+            observer.ship, estimate.x[1], estimate.x[0], m.pitch_ratio, estimate.advance_velocity
         )
-    velocity, valid = velocity_from_torque(
-        observer.ship, estimate.x[1], estimate.x[0], m.pitch_ratio, estimate.advance_velocity
-    )
-    # after a glitch the estimated shaft speed needs its time to come back
-    return velocity, valid and abs(estimate.x[0] - m.shaft_speed) <= 0.2 * abs(m.shaft_speed)
+        away = abs(estimate.x[0] - m.shaft_speed)
+        return velocity, valid and away <= FAR_SHARE * abs(m.shaft_speed)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..plant.ship import Ship
-from .base import LUENBERGER
-from .linear import linear_observer
+from .linear import LinearObserver
 
 
 @dataclass(frozen=True)
-class Luenberger:
+class Luenberger(LinearObserver):
     """Observer with its two poles placed.
 
     The propeller torque is modelled as a Wiener process; the advance velocity follows from it by the
@@ -22,17 +23,15 @@ class Luenberger:
 
     poles: tuple[float, float] = (-100.0, -10.0)  # [rad/s]
 
-    name: ClassVar[str] = "luenberger"
-    kind: ClassVar[int] = LUENBERGER
-    tunings: ClassVar[dict[str, Luenberger]]
+    name = "luenberger"
+    source = "thesis section 3-1"
+    tunings: ClassVar[Mapping[str, Luenberger]]
 
-    def discretise(self, ship: Ship, dt: float) -> Any:
-        """OBSERVER record for a time step ``dt`` [s]; exact, so stable for any pole and step."""
-        inertia = float(ship.record()["inertia_propeller_side"])
+    def gain(self, ship: Ship) -> NDArray[Any]:
+        """K with which A - K C has the poles, shape (2, 1)."""
         first, second = self.poles
         # s^2 + k1 s - k2 / I_R = (s - p1)(s - p2)
-        gain = np.array([-(first + second), -first * second * inertia])
-        return linear_observer(self.kind, gain, ship, dt)
+        return np.array([[-(first + second)], [-first * second * self.inertia(ship)]])
 
 
 Luenberger.tunings = {

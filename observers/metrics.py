@@ -6,16 +6,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from .base import READINGS
+
 Floats = NDArray[np.float64]
 
 
 def variance_accounted_for(truth: Floats, estimate: Floats) -> float:
-    """VAF [%] = max(0, 1 - var(truth - estimate) / var(truth)) * 100 (thesis eq. 4-1)."""
+    """VAF [%] = max(0, 1 - var(truth - estimate) / var(truth)) * 100 (thesis eq. 4-1).
+
+    Args:
+        truth: shape (n,).
+        estimate: likewise, in the same unit.
+    """
     return max(0.0, 1.0 - float(np.var(truth - estimate) / np.var(truth))) * 100.0
-
-
-READINGS = ["shaft_speed_rad_s", "shaft_torque_N_m", "pitch_ratio", "shaft_acceleration_rad_s2"]
-"""Columns that the observers read, in the order of a Measurement."""
 
 
 def with_noisy_readings(table: pd.DataFrame, snr_db: float, seed: int) -> pd.DataFrame:
@@ -29,7 +32,7 @@ def with_noisy_readings(table: pd.DataFrame, snr_db: float, seed: int) -> pd.Dat
     clean = table[[*READINGS, "advance_velocity_m_s"]].to_numpy()
     noise = np.random.default_rng(seed).standard_normal(clean.shape)
     noisy = with_noise(clean, snr_db, noise)
-    return table.assign(**dict(zip(READINGS, noisy.T, strict=False)))
+    return table.assign(**dict(zip(READINGS, noisy.T[:-1], strict=True)))
 
 
 def with_noise(readings: Floats, snr_db: float, noise: Floats) -> Floats:

@@ -16,60 +16,21 @@ Two filters share the covariances and the Riccati recursion:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ..core.compiled import Record, compiled
+from ..plant.shaft import inertia_behind_gauge, shaft_inertia
 from ..plant.ship import Ship
-from .base import (
-    RANDOM_WALK_KALMAN,
-    RANDOM_WALK_KALMAN_PRINTED,
-    Measurement,
-    blank_observer,
+from .base import Measurement, Observer
+from .torque_curve import (
+    AT_REST,
+    highest_velocity,
     model_torque,
     torque_slopes,
     velocity_from_torque,
 )
-
-
-@dataclass(frozen=True)
-class RandomWalkKalman:
-    """Kalman filter with states shaft speed and advance velocity, the latter a random walk.
-
-    The covariances of the default describe an encoder of 0.02 rad/s and a strain gauge of 2 kN m
-    (1 % of the frigate's rated shaft torque), both rms at 20 Hz, and an inflow that changes by
-    about 0.5 m/s within a second, as in sea state 5.
-    """
-
-    velocity_density: float = 0.25  # of the random walk [(m/s)^2/s]
-    speed_density: float = 0.0  # of the shaft speed, besides the gauge's [(rad/s)^2/s]
-    torque_noise: float = 2e3  # of the gauge, rms per sample [N m]
-    speed_noise: float = 0.02  # of the encoder, rms per sample [rad/s]
-    as_printed: bool = False
-
-    name: ClassVar[str] = "random-walk-kalman"
-    tunings: ClassVar[dict[str, RandomWalkKalman]]
-
-    @property
-    def kind(self) -> int:
-        """Which of the two filters."""
-        return RANDOM_WALK_KALMAN_PRINTED if self.as_printed else RANDOM_WALK_KALMAN
-
-    def discretise(self, ship: Ship, dt: float) -> Any:
-        """OBSERVER record for a time step ``dt`` [s]."""
-        record = blank_observer(self.kind, ship.record(), dt)
-        inertia = float(record["ship"]["inertia_propeller_side"])
-        gauge = (dt * self.torque_noise / inertia) ** 2  # the gauge drives omega' directly
-        record["process"] = (self.speed_density * dt + gauge, self.velocity_density * dt)
-        record["measurement"] = self.speed_noise**2
-        return record
-
-
-RandomWalkKalman.tunings = {
-    "extended": RandomWalkKalman(),
-    # Q = diag(1e4, 1e11), R = 1 (thesis section 3-6-3)
-    "printed": RandomWalkKalman(1e11, 1e4, 0.0, 1.0, as_printed=True),
-}
 
 
 @compiled
@@ -115,60 +76,96 @@ def _begin(observer: Record, estimate: Record, m: Measurement) -> tuple[float, b
 
 
 @compiled
-def _bounded(ship: Record, velocity: float, shaft_speed: float) -> float:
-    """Hold the state where the torque curve is known: 0 <= J <= 1.6."""
-    highest = 1.6 * ship.diameter * shaft_speed * 0.15915494309189535
-    return float(min(max(velocity, 0.0), highest))
-
-
-@compiled
-def update_random_walk_kalman(
-    observer: Record, estimate: Record, m: Measurement
+def _believed(
+    observer: Record, estimate: Record, m: Measurement, predicted: float, measured: float
 ) -> tuple[float, bool]:
-    """One sample of the extended Kalman filter with its own shaft speed."""
-    ship = observer.ship
-    if estimate.started == 0:
-        return _begin(observer, estimate, m)
-    dt = observer.dt
-    w, v = estimate.x[0], estimate.x[1]
-    inertia = ship.inertia_propeller_side
-    # predict over the step by the explicit midpoint rule, with the mean of the two torques
-    torque = 0.5 * (estimate.shaft_torque + m.shaft_torque)
-    pitch = 0.5 * (estimate.pitch_ratio + m.pitch_ratio)
-    middle = w + 0.5 * dt * (torque - model_torque(ship, v, w, pitch)) / inertia
-    by_speed, by_velocity = torque_slopes(ship, v, middle, pitch)
-    predicted = w + dt * (torque - model_torque(ship, v, middle, pitch)) / inertia
-    _propagated(estimate, 1.0 - dt * by_speed / inertia, -dt * by_velocity / inertia, observer)
-    dw, dv = _corrected(estimate, m.shaft_speed - predicted, observer)
+    """Correct both states by the first one's reading; the velocity is held where the curve is known."""
+    dw, dv = _corrected(estimate, measured - predicted, observer)
+    v = estimate.x[1] + dv
     estimate.x[0] = predicted + dw
-    estimate.x[1] = _bounded(ship, v + dv, m.shaft_speed)
-    # a shaft at rest tells nothing about the inflow
-    return estimate.x[1], m.shaft_speed > 1e-3 and estimate.x[1] == v + dv
+    estimate.x[1] = min(max(v, 0.0), highest_velocity(observer.ship, m.shaft_speed))
+    return estimate.x[1], m.shaft_speed > AT_REST and estimate.x[1] == v
 
 
-@compiled
-def update_random_walk_kalman_printed(
-    observer: Record, estimate: Record, m: Measurement
-) -> tuple[float, bool]:
-    """One sample of the filter as printed (thesis eq. 3-24, with 0 for the misprinted 1)."""
-    ship = observer.ship
-    if estimate.started == 0:
-        start = _begin(observer, estimate, m)
-        estimate.x[0] = 0.0  # a deviation from the measured speed
-        return start
-    dt = observer.dt
-    v = estimate.x[1]
-    # eq. 3-17 gives the slope to omega, eq. 3-15 everything else
-    by_speed, by_velocity = torque_slopes(ship, v, m.shaft_speed, m.pitch_ratio)
-    total = ship.inertia_engine_side + ship.inertia_propeller_side
-    engine = ship.torque_per_speed * ship.gear_ratio**2 * ship.transmission_efficiency
-    a11 = (engine - by_speed) / total
-    a12 = -by_velocity / ship.inertia_propeller_side
-    drift = m.shaft_torque - model_torque(ship, v, m.shaft_speed, m.pitch_ratio)
-    predicted = estimate.x[0] + dt * (a11 * estimate.x[0] + drift / ship.inertia_propeller_side)
-    _propagated(estimate, 1.0 + dt * a11, dt * a12, observer)
-    dw, dv = _corrected(estimate, 0.0 - predicted, observer)
-    estimate.x[0] = predicted + dw
-    estimate.x[1] = _bounded(ship, v + dv, m.shaft_speed)
-    # a shaft at rest tells nothing about the inflow
-    return estimate.x[1], m.shaft_speed > 1e-3 and estimate.x[1] == v + dv
+@dataclass(frozen=True)
+class RandomWalkKalman(Observer):
+    """Kalman filter with states shaft speed and advance velocity, the latter a random walk.
+
+    The covariances of the default describe an encoder of 0.02 rad/s and a strain gauge of 2 kN m
+    (1 % of the frigate's rated shaft torque), both rms at 20 Hz, and an inflow that changes by
+    about 0.5 m/s within a second, as in sea state 5.
+    """
+
+    velocity_density: float = 0.25  # of the random walk [(m/s)^2/s]
+    speed_density: float = 0.0  # of the shaft speed, besides the gauge's [(rad/s)^2/s]
+    torque_noise: float = 2e3  # of the gauge, rms per sample [N m]
+    speed_noise: float = 0.02  # of the encoder, rms per sample [rad/s]
+
+    name = "random-walk-kalman"
+    source = "thesis section 3-6"
+    tunings: ClassVar[Mapping[str, RandomWalkKalman]]
+
+    def discretise(self, ship: Ship, dt: float) -> Any:
+        """OBSERVER record for a time step ``dt`` [s]."""
+        record = super().discretise(ship, dt)
+        gauge = (dt * self.torque_noise / self.inertia(ship)) ** 2  # it drives omega' directly
+        record["process"] = (self.speed_density * dt + gauge, self.velocity_density * dt)
+        record["measurement"] = self.speed_noise**2
+        return record
+
+    @staticmethod
+    @compiled
+    def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
+        """One sample of the extended Kalman filter with its own shaft speed."""
+        ship = observer.ship
+        if estimate.started == 0:
+            return _begin(observer, estimate, m)
+        dt = observer.dt
+        w, v = estimate.x[0], estimate.x[1]
+        inertia = inertia_behind_gauge(ship)
+        # predict over the step by the explicit midpoint rule, with the mean of the two torques
+        torque = 0.5 * (estimate.shaft_torque + m.shaft_torque)
+        pitch = 0.5 * (estimate.pitch_ratio + m.pitch_ratio)
+        middle = w + 0.5 * dt * (torque - model_torque(ship, v, w, pitch)) / inertia
+        by_speed, by_velocity = torque_slopes(ship, v, middle, pitch)
+        predicted = w + dt * (torque - model_torque(ship, v, middle, pitch)) / inertia
+        _propagated(estimate, 1.0 - dt * by_speed / inertia, -dt * by_velocity / inertia, observer)
+        return _believed(observer, estimate, m, predicted, m.shaft_speed)
+
+
+@dataclass(frozen=True)
+class PrintedRandomWalkKalman(RandomWalkKalman):
+    """The filter as printed, with Q = diag(1e4, 1e11) and R = 1 (thesis section 3-6-3)."""
+
+    velocity_density: float = 1e11
+    speed_density: float = 1e4
+    torque_noise: float = 0.0
+    speed_noise: float = 1.0
+
+    @staticmethod
+    @compiled
+    def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
+        """One sample of thesis eq. 3-24, with 0 for the misprinted 1."""
+        ship = observer.ship
+        if estimate.started == 0:
+            start = _begin(observer, estimate, m)
+            estimate.x[0] = 0.0  # a deviation from the measured speed
+            return start
+        dt = observer.dt
+        v = estimate.x[1]
+        inertia = inertia_behind_gauge(ship)
+        # eq. 3-17 gives the slope to omega, eq. 3-15 everything else
+        by_speed, by_velocity = torque_slopes(ship, v, m.shaft_speed, m.pitch_ratio)
+        engine = ship.torque_per_speed * ship.gear_ratio**2 * ship.transmission_efficiency
+        a11 = (engine - by_speed) / shaft_inertia(ship)
+        a12 = -by_velocity / inertia
+        drift = m.shaft_torque - model_torque(ship, v, m.shaft_speed, m.pitch_ratio)
+        predicted = estimate.x[0] + dt * (a11 * estimate.x[0] + drift / inertia)
+        _propagated(estimate, 1.0 + dt * a11, dt * a12, observer)
+        return _believed(observer, estimate, m, predicted, 0.0)
+
+
+RandomWalkKalman.tunings = {
+    "extended": RandomWalkKalman(),
+    "printed": PrintedRandomWalkKalman(),
+}

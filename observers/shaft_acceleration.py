@@ -4,48 +4,57 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ..core.compiled import Record, compiled
+from ..plant.shaft import inertia_behind_gauge
 from ..plant.ship import Ship
-from .base import (
-    SHAFT_ACCELERATION,
-    SHAFT_ACCELERATION_DERIVED,
-    Measurement,
-    blank_observer,
-    velocity_from_torque,
-)
+from .base import Measurement, Observer
 from .linear import first_order_hold
+from .torque_curve import velocity_from_torque
+
+
+@compiled
+def _velocity(
+    observer: Record, estimate: Record, m: Measurement, acceleration: float
+) -> tuple[float, bool]:
+    """Advance velocity [m/s] by M_p = M_m - I_R omega'."""
+    torque = m.shaft_torque - inertia_behind_gauge(observer.ship) * acceleration
+    return velocity_from_torque(
+        observer.ship, torque, m.shaft_speed, m.pitch_ratio, estimate.advance_velocity
+    )
 
 
 @dataclass(frozen=True)
-class ShaftAcceleration:
+class ShaftAcceleration(Observer):
     """M_p = M_m - I_R omega' with a measured omega' (thesis eq. 3-10)."""
 
-    name: ClassVar[str] = "shaft-acceleration"
-    kind: ClassVar[int] = SHAFT_ACCELERATION
-    tunings: ClassVar[dict[str, ShaftAcceleration]] = {}
+    name = "shaft-acceleration"
+    source = "thesis section 3-4"
 
-    def discretise(self, ship: Ship, dt: float) -> Any:
-        """OBSERVER record for a time step ``dt`` [s]."""
-        return blank_observer(self.kind, ship.record(), dt)
+    @staticmethod
+    @compiled
+    def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
+        """One sample; without an acceleration there is no valid estimate."""
+        if not math.isfinite(m.shaft_acceleration):
+            return estimate.advance_velocity, False
+        return _velocity(observer, estimate, m, m.shaft_acceleration)
 
 
 @dataclass(frozen=True)
-class ShaftAccelerationDerived:
+class ShaftAccelerationDerived(Observer):
     """The same with omega' from the filtered derivative s / (T s + 1) (thesis eq. 3-11)."""
 
     time_constant_s: float = 0.1
 
-    name: ClassVar[str] = "shaft-acceleration-derived"
-    kind: ClassVar[int] = SHAFT_ACCELERATION_DERIVED
-    tunings: ClassVar[dict[str, ShaftAccelerationDerived]] = {}
+    name = "shaft-acceleration-derived"
+    source = "thesis section 3-4"
 
     def discretise(self, ship: Ship, dt: float) -> Any:
         """OBSERVER record for a time step ``dt`` [s]: the filter is discretised exactly."""
-        record = blank_observer(self.kind, ship.record(), dt)
+        record = super().discretise(ship, dt)
         rate = 1.0 / self.time_constant_s
         f, before, now = first_order_hold(np.array([[-rate]]), np.array([[rate]]), dt)
         record["transition"][0, 0] = f[0, 0]
@@ -54,35 +63,17 @@ class ShaftAccelerationDerived:
         record["gain"] = rate
         return record
 
-
-@compiled
-def update_shaft_acceleration(
-    observer: Record, estimate: Record, m: Measurement
-) -> tuple[float, bool]:
-    """One sample; without an acceleration there is no valid estimate."""
-    if not math.isfinite(m.shaft_acceleration):
-        return estimate.advance_velocity, False
-    torque = m.shaft_torque - observer.ship.inertia_propeller_side * m.shaft_acceleration
-    return velocity_from_torque(
-        observer.ship, torque, m.shaft_speed, m.pitch_ratio, estimate.advance_velocity
-    )
-
-
-@compiled
-def update_shaft_acceleration_derived(
-    observer: Record, estimate: Record, m: Measurement
-) -> tuple[float, bool]:
-    """One sample: x follows omega with the filter's lag, (omega - x) / T is the derivative."""
-    if estimate.started == 0:
-        estimate.x[0] = m.shaft_speed
-    else:
-        estimate.x[0] = (
-            observer.transition[0, 0] * estimate.x[0]
-            + observer.before[0, 0] * estimate.shaft_speed
-            + observer.now[0, 0] * m.shaft_speed
-        )
-    acceleration = observer.gain * (m.shaft_speed - estimate.x[0])
-    torque = m.shaft_torque - observer.ship.inertia_propeller_side * acceleration
-    return velocity_from_torque(
-        observer.ship, torque, m.shaft_speed, m.pitch_ratio, estimate.advance_velocity
-    )
+    @staticmethod
+    @compiled
+    def update(observer: Record, estimate: Record, m: Measurement) -> tuple[float, bool]:
+        """One sample: x follows omega with the filter's lag, (omega - x) / T is the derivative."""
+        if estimate.started == 0:
+            estimate.x[0] = m.shaft_speed
+        else:
+            estimate.x[0] = (
+                observer.transition[0, 0] * estimate.x[0]
+                + observer.before[0, 0] * estimate.shaft_speed
+                + observer.now[0, 0] * m.shaft_speed
+            )
+        acceleration = observer.gain * (m.shaft_speed - estimate.x[0])
+        return _velocity(observer, estimate, m, acceleration)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
 from ..plant.ship import Ship
-from .base import SHAFT_KALMAN
-from .linear import linear_observer, shaft_model
+from .linear import LinearObserver, shaft_model
 
 
 @dataclass(frozen=True)
-class ShaftKalman:
+class ShaftKalman(LinearObserver):
     """Steady-state continuous Kalman filter of shaft speed and propeller torque.
 
     Covariances: thesis section 3-2-3. On the frigate its poles are -10.53 +- 10.41i rad/s.
@@ -24,13 +23,12 @@ class ShaftKalman:
     process: tuple[float, float] = (5.0, 1e13)  # densities of omega [(rad/s)^2/s], M_p [(N m)^2/s]
     measurement: float = 1.0  # density of omega [(rad/s)^2 s]
 
-    name: ClassVar[str] = "shaft-kalman"
-    kind: ClassVar[int] = SHAFT_KALMAN
-    tunings: ClassVar[dict[str, ShaftKalman]] = {}
+    name = "shaft-kalman"
+    source = "thesis section 3-2"
 
     def gain(self, ship: Ship) -> NDArray[Any]:
         """Kalman gain K, shape (2, 1)."""
-        a, _, c = shaft_model(float(ship.record()["inertia_propeller_side"]))
+        a, _, c = shaft_model(self.inertia(ship))
         # torque in units of its own noise keeps the Riccati equation well scaled
         scale = np.diag([1.0, np.sqrt(self.process[1])])
         inverse = np.linalg.inv(scale)
@@ -42,9 +40,5 @@ class ShaftKalman:
 
     def poles(self, ship: Ship) -> NDArray[Any]:
         """Eigenvalues of A - K C [rad/s]."""
-        a, _, c = shaft_model(float(ship.record()["inertia_propeller_side"]))
+        a, _, c = shaft_model(self.inertia(ship))
         return np.linalg.eigvals(a - self.gain(ship) @ c)
-
-    def discretise(self, ship: Ship, dt: float) -> Any:
-        """OBSERVER record for a time step ``dt`` [s]."""
-        return linear_observer(self.kind, self.gain(ship), ship, dt)

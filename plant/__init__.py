@@ -1,25 +1,32 @@
 """The physics: propeller, engine, shaft, hull, actuators, waves, and their integration in time."""
 
 from .linear import linearise
+from .recording import RecordingError, read_recording
+from .replay import simulate_recording
 from .ship import Ship
 from .ship_errors import ShipError
 from .ship_files import load_ship, ship_names, write_ship
 from .simulation import Schedule, simulate
+from .state import State
 from .steady_state import Equilibrium, equilibrium
 from .waves import Sea, get_sea, realise
 
 __all__ = [
     "Equilibrium",
+    "RecordingError",
     "Schedule",
     "Sea",
     "Ship",
     "ShipError",
+    "State",
     "equilibrium",
     "get_sea",
     "linearise",
     "load_ship",
+    "read_recording",
     "realise",
     "ship_names",
     "simulate",
+    "simulate_recording",
     "write_ship",
 ]

@@ -16,6 +16,17 @@ from .hull import resistance, wake_inflow, water_speed
 from .propeller import propeller_load
 from .shaft import drive_torque, gauge_torque, load_torque, shaft_inertia
 from .state import LAGGING, Inputs, Outputs, State, moved, without_rates
+from .term_kernel import (
+    DRIVE,
+    DRIVE_TORQUE,
+    INFLOW,
+    LOAD_TORQUE,
+    PITCH_RATE,
+    RESISTANCE,
+    THRUST,
+    Heard,
+    added,
+)
 from .unexplained import ENGINE, HULL, PITCH_ACTUATOR, PROPELLER, unexplained
 from .ventilation import can_ventilate, ventilation_rate
 
@@ -37,7 +48,7 @@ class Loads(NamedTuple):
     inflow_rate: Real  # [m/s2]
     brake_torque_rate: Real  # [N m/s]
     motor_current_rate: Real  # [A/s]
-    lacking_pitch_rate: Real  # of unknown origin [1/s]
+    added_pitch_rate: Real  # by terms and of unknown origin [1/s]
 
 
 @compiled
@@ -56,23 +67,38 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     speed = water_speed(plant, state.ship_speed)
     kinematic = wake_inflow(plant, speed) + inputs.inflow
     kinematic = kinematic + inputs.inflow_slope * (state.position - inputs.inflow_position)
+    submergence = plant.depth + inputs.elevation
+    demand = inputs.drive
+    heard = Heard(
+        state.shaft_speed, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
+        submergence, inputs.time,
+    )  # fmt: skip
+    if plant.term_count > 0:
+        kinematic = kinematic + added(plant, INFLOW, heard)
+        demand = demand + added(plant, DRIVE, heard)
     inflow_rate = 0.0
     advance = kinematic
     if plant.inflow_lag > 0.0:
         advance = state.inflow
         inflow_rate = (kinematic - state.inflow) / plant.inflow_lag
-    submergence = plant.depth + inputs.elevation
     load = propeller_load(plant, advance, state.shaft_speed, blade, submergence, state.ventilation)
     propeller_torque = load.torque * (1.0 / plant.relative_rotative_efficiency)  # eq. 2-5
 
     engine_speed = plant.gear_ratio * state.shaft_speed  # eq. 2-11
-    mover = driven(plant, engine_speed, inputs.drive, state.brake_torque, state.motor_current)
+    mover = driven(plant, engine_speed, demand, state.brake_torque, state.motor_current)
 
     drive = drive_torque(plant, mover.brake_torque, state.shaft_speed)
     load_behind = load_torque(plant, propeller_torque, state.shaft_speed)
     drag = resistance(plant, speed, inputs.resistance_factor)
-    push = plant.propellers * (1.0 - plant.thrust_deduction) * load.thrust  # eq. 2-6
+    thrust = load.thrust
     pitch_rate_lacking = 0.0
+    if plant.term_count > 0:
+        thrust = thrust + added(plant, THRUST, heard)
+        drive = drive + added(plant, DRIVE_TORQUE, heard)
+        load_behind = load_behind + added(plant, LOAD_TORQUE, heard)
+        drag = drag + added(plant, RESISTANCE, heard)
+        pitch_rate_lacking = added(plant, PITCH_RATE, heard)
+    push = plant.propellers * (1.0 - plant.thrust_deduction) * thrust  # eq. 2-6
     if plant.unexplained_balance != 0:
         lacking = unexplained(
             plant, state.shaft_speed, state.ship_speed, blade, inputs.drive, inputs.time
@@ -84,11 +110,11 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         elif plant.unexplained_balance == HULL:
             push = push + lacking
         elif plant.unexplained_balance == PITCH_ACTUATOR:
-            pitch_rate_lacking = lacking
+            pitch_rate_lacking = pitch_rate_lacking + lacking
     return Loads(
         advance,
         submergence,
-        load.thrust,
+        thrust,
         load.thrust_coefficient,
         propeller_torque,
         mover.brake_torque,
@@ -124,8 +150,8 @@ def evaluate(
     if plant.hull_fixed != 0:
         ship_acceleration = 0.0
     blade_rate = pitch_rate(plant, inputs.pitch_command, state.pitch_ratio)
-    if plant.unexplained_balance == PITCH_ACTUATOR:
-        blade_rate = blade_rate + acting.lacking_pitch_rate
+    if plant.unexplained_balance == PITCH_ACTUATOR or plant.term_count > 0:
+        blade_rate = blade_rate + acting.added_pitch_rate
     air_rate = 0.0
     if can_ventilate(plant):
         air_rate = ventilation_rate(plant, state.ventilation, ventilated)

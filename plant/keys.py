@@ -72,6 +72,30 @@ class KeyInfo(NamedTuple):
     neutral: float | None
 
 
+class Number(NamedTuple):
+    """A number that stands in a ship's file, and its place in the kernels' record."""
+
+    key: str  # dotted
+    value: float
+    info: KeyInfo
+    field: str  # of the record
+    place: tuple[int, ...] = ()  # in a field that holds several
+
+    def write(self, record: Any, value: float) -> None:
+        """Put another value into a record: what ``with_values`` does, without its checks.
+
+        Only a motor's end stop also sets ``drive_min``, to its negative.
+        """
+        if self.place:
+            record[self.field][self.place] = value
+        else:
+            record[self.field] = value
+
+    def read(self, record: Any) -> float:
+        """The value that stands in a record."""
+        return float(record[self.field][self.place] if self.place else record[self.field])
+
+
 def info_of(info: FieldInfo) -> KeyInfo:
     """Unit, range and neutral value of a number; a bound may itself be excluded (> or <)."""
     low, high = -INF, INF

@@ -15,6 +15,7 @@ from .memory import Sensors
 from .propeller import Propeller
 from .shaft import Transmission
 from .surroundings import Integration, Water
+from .terms import RECORD_FIELDS, Term, add_term
 from .unexplained import Unexplained
 from .ventilation import Ventilation
 
@@ -32,6 +33,7 @@ def _plant_dtype() -> np.dtype[Any]:
             if (name := record_field(info)) is not None:
                 fields[name] = (name, np.float64)
         fields |= {field[0]: field for field in section.derived}
+    fields |= {field[0]: field for field in RECORD_FIELDS}
     fields["drive_min"] = ("drive_min", np.float64)
     fields["prime_mover"] = ("prime_mover", np.int64)
     return np.dtype(list(fields.values()), align=True)
@@ -41,15 +43,21 @@ PLANT = _plant_dtype()
 """Structured dtype of a ship in the kernels; an array of it is a batch of ships."""
 
 
-def record_of(sections: Iterable[Section], prime_mover: int) -> Any:
+def record_of(sections: Iterable[Section], prime_mover: int, terms: Iterable[Term] = ()) -> Any:
     """The record of a ship: one element of dtype :data:`PLANT`.
 
     Args:
         sections: of the ship.
         prime_mover: code of its kind.
+        terms: that it carries.
+
+    Raises:
+        TermError: more terms than a record holds.
     """
     record = np.zeros(1, PLANT)[0]
     for section in sections:
         section.fill(record)
     record["prime_mover"] = prime_mover
+    for term in terms:
+        add_term(record, term)
     return record

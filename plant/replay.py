@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..core.compiled import Record, compiled
 from .columns import MEASURED, ON_ANY_SHIP, TIME, drive_column, input_columns
 from .dynamics import settled
 from .hull import wake_inflow, water_speed
@@ -25,6 +26,15 @@ WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
 """Columns of what the water does, which act where a recording has them."""
 
 _START = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
+
+
+@compiled
+def _fill_inflow(
+    plant: Record, ship_speed: NDArray[np.float64], inflow: NDArray[np.float64]
+) -> None:
+    """Advance velocity [m/s] in the wake at each ship speed [m/s]; ``inflow`` filled."""
+    for k in range(len(ship_speed)):
+        inflow[k] = wake_inflow(plant, water_speed(plant, ship_speed[k]))
 
 
 class Replay:
@@ -115,8 +125,9 @@ class Replay:
         """
         if self._met is None:
             return np.zeros(self.rows)
-        nominal = [wake_inflow(plant, water_speed(plant, speed)) for speed in self._speed]
-        return np.asarray(self._met - np.array(nominal))
+        nominal = np.empty(self.rows)
+        _fill_inflow(plant, self._speed, nominal)
+        return np.asarray(self._met - nominal)
 
     def simulate(
         self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None

@@ -7,18 +7,19 @@ import math
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
-from pydantic.fields import FieldInfo
 
 from .actuators import PitchActuator
 from .drives import DcMotor, Diesel, Drive
 from .hull import Hull
-from .keys import KeyInfo, Section, info_of, record_field
+from .keys import KeyInfo, Number, Section, info_of, record_field
 from .memory import HISTORY, Sensors
 from .propeller import Propeller
 from .record import record_of
 from .shaft import Transmission
 from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
+from .term_kernel import MAX_TERMS
+from .terms import Term
 from .tolerances import Tolerances
 from .unexplained import Unexplained
 from .ventilation import Ventilation
@@ -43,6 +44,7 @@ class Ship(Section):
     integration: Integration = Integration()
     tolerances: Tolerances = Tolerances()
     unexplained: Unexplained | None = None
+    term: Annotated[tuple[Term, ...], Field(strict=False, max_length=MAX_TERMS)] = ()
 
     @model_validator(mode="after")
     def _consistent(self) -> Ship:
@@ -57,6 +59,9 @@ class Ship(Section):
                     f"{key} = {delay} s is more than {longest:.4g} s, "
                     f"the longest delay at a time step of {step} s"
                 )
+        ids = [term.id for term in self.term]
+        if twice := [name for name in ids if ids.count(name) > 1]:
+            raise ValueError(f"term {twice[0]!r} stands twice")
         lacking = self.unexplained.balance if self.unexplained else ""
         if lacking == "hull" and not self.moves:
             raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
@@ -90,12 +95,20 @@ class Ship(Section):
         for dotted, value in values.items():
             *path, key = dotted.split(".")
             section = tree
+            if path[:1] == ["term"]:
+                section, path, key = self._term(tree, dotted)["parameters"], [key], "value"
             for part in path:
                 section = section.setdefault(part, {})
                 if not isinstance(section, dict):
                     raise ShipError(f"{self.name}: no section {part!r} in {dotted!r}")
             section[key] = value
         return validated(type(self), tree, self.name)
+
+    def _term(self, tree: dict[str, Any], dotted: str) -> dict[str, Any]:
+        """The table of the term that a dotted key names, in the tables of this ship."""
+        self.number(dotted)
+        own: dict[str, Any] = next(t for t in tree["term"] if t["id"] == dotted.split(".")[1])
+        return own
 
     def record(self) -> Any:
         """The kernels' record of this ship: one element of dtype ``PLANT``, yours to change."""
@@ -156,63 +169,57 @@ class Ship(Section):
             raise ShipError(f"{self.name}: needs a diesel, not {mover.type!r}")
         return mover
 
-    def value(self, dotted: str) -> float:
-        """The number that stands at a dotted key.
-
-        Raises:
-            ShipError: as of :meth:`key`.
-        """
-        self.key(dotted)
-        section, _, name = dotted.partition(".")
-        return float(getattr(getattr(self, section), name))
-
     def has_key(self, dotted: str) -> bool:
         """Whether a dotted key is a number of this ship."""
         try:
-            self.key(dotted)
+            self.number(dotted)
         except ShipError:
             return False
         return True
 
-    def key(self, dotted: str) -> FieldInfo:
-        """The number behind a dotted key; the prime mover decides about its section's keys.
+    def number(self, dotted: str) -> Number:
+        """The number at a dotted key, with its unit, range and place in the record.
+
+        Args:
+            dotted: ``section.key``, or ``term.ID.PARAMETER`` of a term.
 
         Raises:
             ShipError: unknown key, or one that is not a single number of the kernels' record.
         """
         section, _, key = dotted.partition(".")
+        if section == "term":
+            return self._number_of_term(dotted, *key.partition(".")[::2])
         table = getattr(self, section, None) if section in type(self).model_fields else None
         fields = type(table).model_fields if isinstance(table, Section) else {}
         if key not in fields:
             raise ShipError(f"{self.name}: {dotted} is not a known key")
-        if record_field(fields[key]) is None:
+        field = record_field(fields[key])
+        if field is None:
             raise ShipError(f"{self.name}: {dotted} has no field of its own in the kernels' record")
-        return fields[key]
+        return Number(dotted, float(getattr(table, key)), info_of(fields[key]), field)
+
+    def _number_of_term(self, dotted: str, term: str, name: str) -> Number:
+        for slot, own in enumerate(self.term):
+            if own.id == term and name in own.parameters:
+                found = own.parameters[name]
+                place = (slot, list(own.parameters).index(name))
+                info = KeyInfo(found.unit, found.low, found.high, None)
+                return Number(dotted, found.value, info, "term_constants", place)
+        raise ShipError(f"{self.name}: {dotted} is not a known key")
+
+    def with_term(self, term: Term) -> Ship:
+        """A copy that carries one term more.
+
+        Raises:
+            ShipError: it carries one of that name already, or as many as it can.
+        """
+        tree = self.model_dump(exclude_unset=True)
+        own = tree.get("term", ())
+        return validated(type(self), tree | {"term": [*own, term.model_dump()]}, self.name)
 
 
 @functools.lru_cache(maxsize=256)
 def _record(ship: Ship) -> Any:
     sections = [getattr(ship, name) for name in type(ship).model_fields]
     own = [section for section in sections if isinstance(section, Section)]
-    return record_of(own, ship.prime_mover.code)
-
-
-def record_name(dotted: str, ship: Ship) -> str:
-    """Field of the ship's record that a dotted key sets.
-
-    Writing ``record[record_name(key, ship)] = value`` is what ``with_values`` does, without its
-    checks; only a motor's end stop also sets ``drive_min``, to its negative.
-
-    Raises:
-        ShipError: unknown key, or one that is not a single number of the record.
-    """
-    return str(record_field(ship.key(dotted)))
-
-
-def key_info(dotted: str, ship: Ship) -> KeyInfo:
-    """Unit, range and neutral value of a dotted key.
-
-    Raises:
-        ShipError: unknown key, or one that is not a single number of the record.
-    """
-    return info_of(ship.key(dotted))
+    return record_of(own, ship.prime_mover.code, ship.term)

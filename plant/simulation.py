@@ -68,7 +68,7 @@ def trajectory(
     """Simulate one ship's record and keep every sample: :func:`simulate` without its checks.
 
     Args:
-        plant: PLANT record; :func:`shaftline.plant.ship.record_name` tells which field a key sets.
+        plant: PLANT record; :meth:`shaftline.plant.Ship.number` tells which field a key sets.
         state: STATE record, the initial state; the final one afterwards.
         memory: MEMORY record, filled from the initial state whatever it held.
         sea: SEA record, changed in place.
@@ -119,9 +119,14 @@ def trajectory(
 class Schedule:
     """What is done to a ship over time, as functions of time or constants.
 
-    ``drive`` is the fuel rack [mm], voltage [V] or torque [N m]; ``inflow`` is u_x [m/s],
-    ``resistance_factor`` d_c1 [-] and ``elevation`` that of the surface above the propeller [m], the
-    sea's apart. Commands are held over each step; disturbances are continuous.
+    Commands are held over each step; disturbances are continuous.
+
+    Args:
+        drive: fuel rack [mm], voltage [V] or torque [N m].
+        pitch_command: P/D [-].
+        inflow: disturbance u_x of the advance velocity, the sea's apart [m/s].
+        resistance_factor: d_c1 [-].
+        elevation: of the surface above the propeller, the sea's apart [m].
     """
 
     drive: Any

@@ -77,6 +77,20 @@ def without_lags(plant: Any) -> Any:
 
 STATE = np.dtype([(name, np.float64) for name in State._fields], align=True)
 
+_MOTION = ("pitch_ratio", "shaft_speed", "ship_speed")
+
+motion_state: Callable[[Real, Real, Real], State] = spelled_out(
+    """
+def motion_state(pitch_ratio, shaft_speed, ship_speed):
+    return State(
+        {field},
+    )
+""",
+    [name if name in _MOTION else "0.0" for name in State._fields],
+    globals(),
+)
+"""The state of pitch, shaft and hull alone, for kernels, where a tuple's defaults do not act."""
+
 moved: Callable[[State, State, float], State] = spelled_out(
     """
 def moved(state, rate, h):

@@ -11,6 +11,7 @@ from scipy.optimize import root
 from .dynamics import evaluate, settled
 from .ship import Ship
 from .state import Inputs, Outputs, State
+from .unexplained import PITCH_ACTUATOR
 
 
 class Equilibrium(NamedTuple):
@@ -51,7 +52,13 @@ def equilibrium(
     blade += float(plant["pitch_actuator_offset"])
 
     def complete(shaft_speed: float, ship_speed: float) -> State:
-        return settled(plant, State(blade, shaft_speed, ship_speed), inputs)
+        state = settled(plant, State(blade, shaft_speed, ship_speed), inputs)
+        if plant["term_count"] > 0 or plant["unexplained_balance"] == PITCH_ACTUATOR:
+            # what acts on the actuator keeps the blades away from the command
+            rate, _ = evaluate(plant, state, inputs, blade, False)
+            away = float(plant["pitch_time_constant"]) * rate.pitch_ratio
+            state = settled(plant, state._replace(pitch_ratio=blade + away), inputs)
+        return state
 
     def residual(unknown: Any) -> list[float]:
         shaft_speed = float(unknown[0])

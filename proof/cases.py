@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from .reality.bench import CALM_PROGRAMME, PROGRAMMES
 from .reality.crew_demands import DULL, LIVELY
-from .reality.effects import BENCH, BY_KEY, CONFOUNDED, EFFECTS, FRIGATE, UNKNOWN, Effect
+from .reality.effects import BENCH, BY_KEY, CONFOUNDED, EFFECTS, FRIGATE, UNKNOWN, TrueEffect
 from .reality.numbers import Numbers
 
 BLOCK = (
@@ -23,7 +23,7 @@ BLOCK = (
 
 KINDS = tuple(dict.fromkeys(BLOCK))
 STRENGTHS = {"weak": (0.2, 0.2), "medium": (0.5, 1.0), "strong": (2.0, 4.0)}
-"""Rms of an effect's change over the rms of what the file's ship leaves without it; see ``World``."""
+"""Rms of an effect's change over the rms of what the file's ship leaves without it; see ``Scenario``."""
 
 TOLERANCES = {
     FRIGATE: {"resistance": 0.01, "inertia_front": 0.01, "inertia_back": 0.01, "map_rack": 0.005},
@@ -41,7 +41,7 @@ class Concealed:
     shape: Numbers
 
     @property
-    def effect(self) -> Effect:
+    def effect(self) -> TrueEffect:
         """The table's entry."""
         return BY_KEY[self.key]
 
@@ -89,13 +89,13 @@ def case_kind(seed: int, index: int) -> tuple[str, int]:
     return kind, block * BLOCK.count(kind) + shuffled[:place].count(kind)
 
 
-def _conceal(effect: Effect, ratio: float, rng: Generator) -> Concealed:
+def _conceal(effect: TrueEffect, ratio: float, rng: Generator) -> Concealed:
     shape = {name: float(rng.uniform(*limits)) for name, limits in effect.shape.items()}
     sign = -1.0 if effect.signs and rng.random() < 0.5 else 1.0
     return Concealed(effect.key, ratio, sign, shape)
 
 
-def _two(seed: int, number: int) -> list[Effect]:
+def _two(seed: int, number: int) -> list[TrueEffect]:
     ours = tuple(effect for effect in EFFECTS if effect.ship == FRIGATE)
     first = _turn(seed, "first", ours, number)
     others = tuple(
@@ -108,7 +108,7 @@ def _two(seed: int, number: int) -> list[Effect]:
     return [first, _turn(seed, "second", others, number)]
 
 
-def _effects(seed: int, kind: str, number: int) -> list[Effect]:
+def _effects(seed: int, kind: str, number: int) -> list[TrueEffect]:
     if kind in ("single", "ablated"):
         return [_turn(seed, kind, EFFECTS, number)]
     if kind == "unknown":
@@ -140,7 +140,7 @@ def _factors(ship: str, always: bool, rng: Generator) -> Numbers:
     }
 
 
-def _programme(kind: str, ship: str, effects: list[Effect], rng: Generator) -> str:
+def _programme(kind: str, ship: str, effects: list[TrueEffect], rng: Generator) -> str:
     if kind == "confounded":
         return DULL
     own = PROGRAMMES if ship == BENCH else LIVELY

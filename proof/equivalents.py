@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from .reality.actuators import pitch_travel
-from .reality.effects import Effect
-from .reality.numbers import EFFECTS, Numbers
+from .reality.effects import TrueEffect
+from .reality.numbers import NEUTRAL, Numbers
 from .reality.sail import current_over
 
 Floats = NDArray[np.float64]
@@ -201,7 +201,7 @@ _FORMS: dict[str, tuple[tuple[str, ...], Form]] = {
 }  # fmt: skip
 
 
-def equivalent(effect: Effect, numbers: Numbers, readings: pd.DataFrame) -> Any:
+def equivalent(effect: TrueEffect, numbers: Numbers, readings: pd.DataFrame) -> Any:
     """The comparable parameter of a catalogue's form.
 
     Args:
@@ -214,7 +214,7 @@ def equivalent(effect: Effect, numbers: Numbers, readings: pd.DataFrame) -> Any:
         first that of the ship file's key, and the value at which the effect is absent; None where the
         forms have no parameter in common.
     """
-    if effect.key not in _FORMS or numbers[effect.size] == EFFECTS[effect.size]:
+    if effect.key not in _FORMS or numbers[effect.size] == NEUTRAL[effect.size]:
         return None
     names, form = _FORMS[effect.key]
     neutral = 1.0 if effect.id == "torque-sensor-gain" else 0.0

@@ -10,7 +10,7 @@ import pandas as pd
 from .cases import Case, Concealed, truth_of
 from .equivalents import equivalent
 from .reality.numbers import Numbers
-from .scenario import World, with_effect
+from .scenario import Scenario, with_effect
 
 LEAST = (
     0.15  # strength below which another programme is drawn, since this one does not show the effect
@@ -36,7 +36,7 @@ class Reality:
 class _Found:
     """Effects with their sizes; strengths beyond tolerances, raw strengths, channels."""
 
-    world: World
+    scenario: Scenario
     sailed: pd.DataFrame
     numbers: Numbers
     sizes: dict[str, float]
@@ -54,42 +54,44 @@ def make(case: Case) -> Reality:
     drawn. The truth also holds the strength without regard to tolerances (``ratios``).
     """
     for attempt in range(ATTEMPTS):
-        found = _conceal(World(replace(case, programme_seed=case.programme_seed + 7919 * attempt)))
+        found = _conceal(
+            Scenario(replace(case, programme_seed=case.programme_seed + 7919 * attempt))
+        )
         if all(strength >= LEAST for strength in found.beyond.values()):
             break
     return _recorded(found)
 
 
-def _conceal(world: World) -> _Found:
-    found = _Found(world, world.base, world.true, {}, {}, {}, {})
-    for one in world.case.effects:
-        size, beyond, raw, channel = world.find_size(one)
+def _conceal(scenario: Scenario) -> _Found:
+    found = _Found(scenario, scenario.base, scenario.true, {}, {}, {}, {})
+    for one in scenario.case.effects:
+        size, beyond, raw, channel = scenario.find_size(one)
         found.numbers = with_effect(found.numbers, one, size)
         found.sizes[one.key] = one.sign * size
         found.beyond[one.key], found.ratios[one.key] = beyond, raw
         found.channels[one.key] = channel
-    if world.case.effects:
-        found.sailed = world.sail(found.numbers, waves=True)
+    if scenario.case.effects:
+        found.sailed = scenario.sail(found.numbers, waves=True)
     return found
 
 
 def _recorded(found: _Found) -> Reality:
-    world, case, sailed = found.world, found.world.case, found.sailed
+    scenario, case, sailed = found.scenario, found.scenario.case, found.sailed
     wavy = case.wave_height > 0.0
     notes = {
         "channels": found.channels,
         "beyond_tolerances": found.beyond,
         "windows": {c.key: _window(case, found.numbers, c) for c in case.effects},
         "equivalents": {c.key: equivalent(c.effect, found.numbers, sailed) for c in case.effects},
-        "residual_rms": world.residual_rms,
+        "residual_rms": scenario.residual_rms,
     }
     kept = [c for c in sailed if c not in OPTIONAL or c in case.columns]
-    recording = world.noisy(sailed)[kept].round({c: _DIGITS[c] for c in kept})
+    recording = scenario.noisy(sailed)[kept].round({c: _DIGITS[c] for c in kept})
     return Reality(
         recording,
         truth_of(case, found.sizes, found.ratios, notes),
-        without=world.calm_run,
-        concealed=world.sail(found.numbers, waves=False) if wavy else sailed,
+        without=scenario.calm_run,
+        concealed=scenario.sail(found.numbers, waves=False) if wavy else sailed,
     )
 
 

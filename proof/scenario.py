@@ -34,11 +34,12 @@ def with_effect(numbers: Numbers, concealed: Concealed, size: float) -> Numbers:
     return numbers | concealed.shape | {concealed.effect.size: concealed.sign * size}
 
 
-def _rms(values: Any) -> float:
+def rms(values: Any) -> float:
+    """Root mean square."""
     return math.sqrt(float(np.mean(np.square(values))))
 
 
-class World:
+class Scenario:
     """A case's ship, demands and sea, ready to sail with any set of effects."""
 
     def __init__(self, case: Case) -> None:
@@ -112,12 +113,12 @@ class World:
     def residual_rms(self) -> dict[str, float]:
         """What the file's ship leaves of a noisy recording without effects, rms by channel."""
         null = self.noisy(self.base)
-        return {c: _rms(null[c] - self.file_run[c]) for c in CHANNELS if c in null}
+        return {c: rms(null[c] - self.file_run[c]) for c in CHANNELS if c in null}
 
     def _stacked(self, table: pd.DataFrame, reference: pd.DataFrame) -> NDArray[np.float64]:
         return np.array([
-            (table[c] - reference[c]).to_numpy()[::THINNED] / rms
-            for c, rms in self.residual_rms.items()
+            (table[c] - reference[c]).to_numpy()[::THINNED] / size
+            for c, size in self.residual_rms.items()
         ])  # fmt: skip
 
     @cached_property

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from .reality.effects import BY_KEY, Effect, families
+from .reality.effects import BY_KEY, TrueEffect, families
 from .recording import Reality
-from .scenario import CHANNELS
+from .scenario import CHANNELS, rms
 
 Row = dict[str, Any]
 WORTH_IT = 0.05  # gain of the oracle below which no fraction of it means anything
@@ -46,10 +45,6 @@ def strength_class(strengths: dict[str, float]) -> str:
     return "weak" if least < 0.35 else "medium" if least < 1.4 else "strong"
 
 
-def _rms(values: Any) -> float:
-    return math.sqrt(float(np.mean(np.square(values))))
-
-
 def oracle_gains(reality: Reality, held_out: list[list[float]]) -> dict[str, float]:
     """1 - rms(recording - true ship) / rms(recording - true ship without its effects), by channel.
 
@@ -64,8 +59,8 @@ def oracle_gains(reality: Reality, held_out: list[list[float]]) -> dict[str, flo
     for channel in CHANNELS:
         if channel in reality.recording and rows.any():
             measured = reality.recording[channel][rows]
-            before = _rms(measured - reality.without[channel][rows])
-            gains[channel] = 1.0 - _rms(measured - reality.concealed[channel][rows]) / before
+            before = rms(measured - reality.without[channel][rows])
+            gains[channel] = 1.0 - rms(measured - reality.concealed[channel][rows]) / before
     return gains
 
 
@@ -109,7 +104,7 @@ def _parameters(report: Row, truth: Row) -> Row:
 
 
 def _outcome(
-    kind: str, verdict: str, ship: str, effects: list[Row], concealed: list[Effect]
+    kind: str, verdict: str, ship: str, effects: list[Row], concealed: list[TrueEffect]
 ) -> str:
     """One word: what the report amounts to."""
     if verdict not in ("explained", "unexplained", "nothing-missing"):

@@ -1,1 +1,1 @@
-"""Published tables reproduced side by side, a first tour, and the speed of the plant."""
+"""Published results reproduced, a folder a source; learned policies on trial; the tour; speed."""

@@ -1,7 +1,8 @@
-"""The Python blocks of README and docs run as they stand."""
+"""What the pages say holds: blocks run, by the doors alone; links, files and commands are there."""
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
@@ -11,16 +12,23 @@ from shaftline.observers import readings_of
 from shaftline.plant import Schedule, equilibrium, load_ship, simulate
 
 ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCKS = [
     (page.relative_to(ROOT).as_posix(), i, block)
-    for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    for page in PAGES
     for i, block in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL))
 ]
-
-
-@pytest.mark.parametrize(
+blocks = pytest.mark.parametrize(
     ("page", "number", "block"), BLOCKS, ids=[f"{p}-{i}" for p, i, _ in BLOCKS]
 )
+
+ROOMS = ("plant", "observers", "baselines", "envs", "agents", "mismatch")
+DOORS = {f"shaftline.{room}" for room in ROOMS} | {
+    "shaftline.envs.sb3"  # needs stable-baselines3, so it is a door of its own
+}
+
+
+@blocks
 def test_python_block_runs(page: str, number: int, block: str) -> None:
     # what a page may take for granted: a ship, its readings and their time step
     ship = load_ship("frigate")
@@ -28,7 +36,38 @@ def test_python_block_runs(page: str, number: int, block: str) -> None:
     exec(block, {"ship": ship, "readings": readings_of(run), "dt": ship.time_step_s})
 
 
+@blocks
+def test_python_block_imports_from_the_doors(page: str, number: int, block: str) -> None:
+    for node in ast.walk(ast.parse(block)):
+        named = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        if isinstance(node, ast.ImportFrom):
+            named = [node.module or ""]
+        ours = {name for name in named if name.split(".")[0] == "shaftline"}
+        assert ours <= DOORS, f"{page}: {ours - DOORS}"
+
+
 def test_links_lead_somewhere() -> None:
-    for page in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]:
+    for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
             assert (page.parent / target).exists(), f"{page}: {target}"
+
+
+def test_files_that_are_named_exist() -> None:
+    rooms = "|".join(file.parent.name for file in ROOT.glob("*/__init__.py"))
+    for page in PAGES:
+        for name in re.findall(rf"`((?:{rooms}|docs)/[\w./-]+)`", page.read_text()):
+            assert (ROOT / name).exists(), f"{page}: {name}"
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, ROOT / "Makefile"], ids=lambda page: page.relative_to(ROOT).as_posix()
+)
+def test_commands_that_are_named_exist(page: Path) -> None:
+    text = page.read_text()
+    for module in re.findall(r"python -m shaftline\.([\w.]+)", text):
+        place = ROOT.joinpath(*module.rstrip(".").split("."))
+        assert place.with_suffix(".py").is_file() or (place / "__main__.py").is_file(), module
+    for command in re.findall(r"(?:^|`|/)shaftline ([a-z]+)", text, re.MULTILINE):
+        assert (ROOT / "cli" / f"{command}_command.py").is_file(), command
+    for target in re.findall(r"(?:^|`)make ([a-z-]+)", text, re.MULTILINE):
+        assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE), target

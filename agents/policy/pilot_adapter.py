@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...baselines.controller import actions, readings, resumed
+from ...baselines.actions import actions
+from ...baselines.controller import Readings, readings, resumed
 from ...baselines.speed_pilot import ERROR_S, MEAN_S, Settings, Slowed, SpeedPilot
 from ...plant import Ship
 
@@ -121,24 +122,39 @@ class PilotAdapter:
             Features of shape (n, 22), and the memory.
         """
         seen = readings(observation)
-        valid = seen.estimate_valid > 0.5
-        error = seen.speed_order - seen.ship_speed
-        estimate = np.where(valid, seen.advance_velocity, 0.0)
-        heard = np.column_stack([error, seen.shaft_speed, seen.shaft_torque, estimate])
+        after = resumed(memory, self.fresh(seen), starting)
+        return self.take_in(seen, after), after
+
+    def fresh(self, seen: Readings) -> NDArray[np.float64]:
+        """Memory of what is seen for the first time: as if it had stood for ever."""
+        often = np.tile(_heard(seen), len(SLOW_S))
+        return np.column_stack([often, np.zeros((len(often), 1 + len(ANSWERS)))])
+
+    def take_in(self, seen: Readings, memory: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Features, shape (n, 22); the memory takes the readings in, in place."""
+        heard = _heard(seen)
         often = np.tile(heard, len(SLOW_S))
-        fresh = np.column_stack([often, np.zeros((len(often), 1 + len(ANSWERS)))])
-        after = resumed(memory, fresh, starting)
-        after[:, :_COUNT] = self._keep * after[:, :_COUNT] + (1.0 - self._keep) * often
+        memory[:, :_COUNT] = self._keep * memory[:, :_COUNT] + (1.0 - self._keep) * often
+        error, _, _, estimate = heard.T
         features = np.column_stack(
             [seen.speed_order, error, seen.shaft_speed, seen.shaft_torque, seen.pitch_ratio,
-             seen.fuel_rack, estimate, valid, after]
+             seen.fuel_rack, estimate, seen.estimate_valid > 0.5, memory]
         )  # fmt: skip
-        return features.astype(np.float32), after
+        return features.astype(np.float32)
 
     def command(
         self, answer: Any, memory: NDArray[np.float64], features: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Action of the environment, shape (n, 2); the memory takes the answers in.
+
+        Args: as of :meth:`set_points`.
+        """
+        return actions(self._pilot.plant, *self.set_points(answer, memory, features))
+
+    def set_points(
+        self, answer: Any, memory: NDArray[np.float64], features: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Commanded P/D [-] and fuel rack [mm], each of shape (n,); the memory takes the answers in.
 
         Args:
             answer: in [-1, 1], shape (n, 5).
@@ -161,4 +177,11 @@ class PilotAdapter:
         )
         pitch, rack, integral = self._pilot.command(order, shaft_speed, torque, slowed, settings)
         memory[:, _INTEGRAL] = integral
-        return actions(self.ship, memory, pitch, rack)
+        return pitch, rack
+
+
+def _heard(seen: Readings) -> NDArray[np.float64]:
+    """The :data:`SIGNALS` as they are now, shape (n, 4)."""
+    error = seen.speed_order - seen.ship_speed
+    estimate = np.where(seen.estimate_valid > 0.5, seen.advance_velocity, 0.0)
+    return np.column_stack([error, seen.shaft_speed, seen.shaft_torque, estimate])

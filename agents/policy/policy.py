@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from importlib import metadata, resources
+from importlib import resources
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -18,14 +18,14 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ...baselines.controller import OBSERVED
+from ...baselines.controller import OBSERVED, Controller, Readings
 from ...core.files import write_atomically
 from ...envs.tasks import get_task
 from ...plant import Ship, load_ship
 from .pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
 
 FORMAT = 1
-"""Of the file; a policy of another is refused."""
+"""Of the file: it changes where what stands in it does, or what a policy sees or answers means."""
 
 _ACTIVATIONS: dict[str, Callable[[Any], Any]] = {"tanh": np.tanh, "relu": partial(np.maximum, 0.0)}
 
@@ -41,7 +41,6 @@ def layout(ship: Ship) -> dict[str, Any]:
               "engine_speed_min", "engine_speed_max")  # fmt: skip
     return {
         "format": FORMAT,
-        "version": ".".join(metadata.version("shaftline").split(".")[:2]),
         "ship": ship.name,
         "ranges": {name: float(plant[name]) for name in ranges},
         "observed": list(OBSERVED),
@@ -96,8 +95,8 @@ class Network:
         return np.asarray(np.tanh(x) if self.squashed else np.clip(x, -1.0, 1.0))
 
 
-class Policy:
-    """A learned controller; see :class:`shaftline.baselines.controller.Controller`.
+class Policy(Controller):
+    """A learned controller.
 
     Args:
         network: its weights.
@@ -120,25 +119,45 @@ class Policy:
         vessel = trained_on(about) if ship is None else ship
         if said := _differences(about.get("layout", {}), layout(vessel)):
             raise PolicyError("this policy does not fit: " + "; ".join(said))
-        self.adapter = PilotAdapter(
-            vessel, float(about["control_interval_s"]), Reach(**about["recipe"]["reach"])
-        )
+        super().__init__(vessel, float(about["control_interval_s"]))
+        self.adapter = PilotAdapter(vessel, self.interval_s, Reach(**about["recipe"]["reach"]))
 
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Actions for one observation or a batch, and the memory for the next call."""
-        features, memory = self.adapter.see(observation, state, episode_start)
+    def fresh(self, seen: Readings) -> NDArray[np.float64]:
+        """Memory of what is seen for the first time."""
+        return self.adapter.fresh(seen)
+
+    def act(
+        self, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What the speed pilot commands with the network's mean answers."""
+        features = self.adapter.take_in(seen, memory)
+        return self.adapter.set_points(self.network(features), memory, features)
+
+    def explore(
+        self, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The same with the noise that the answers had in training."""
+        features = self.adapter.take_in(seen, memory)
         answer = self.network(features)
-        if not deterministic:
-            noise = np.random.default_rng().standard_normal(answer.shape)
-            answer = answer + np.exp(self.network.log_deviation) * noise.astype(np.float32)
-        action = self.adapter.command(answer, memory, features)
-        return (action if np.ndim(observation) > 1 else action[0]), memory
+        noise = np.random.default_rng().standard_normal(answer.shape)
+        answer = answer + np.exp(self.network.log_deviation) * noise.astype(np.float32)
+        return self.adapter.set_points(answer, memory, features)
+
+    def summary(self) -> str:
+        """What it was trained on, and how it was judged on the way, as text."""
+        recipe = self.about["recipe"]
+        lines = [
+            f"{recipe['algorithm'].upper()} on {recipe['task']}, ship {self.about['layout']['ship']}, "
+            f"seed {self.about.get('seed')}, a command every {self.about['control_interval_s']:g} s"
+        ]
+        if self.curve:
+            last = {name: values[-1] for name, values in self.curve.items()}
+            lines.append(", ".join(f"{name} {value:.4g}" for name, value in last.items()))
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What it was made for and with, and its curve, as JSON allows; the weights stay in the file."""
+        return self.about | {"curve": self.curve}
 
     def save(self, path: Path) -> None:
         """Write one self-contained file."""
@@ -171,7 +190,7 @@ def trained() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.npz"))}
 
 
-def load(source: str | Path, ship: Ship | None = None) -> Policy:
+def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
     """Load a policy.
 
     Args:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.ship import key_info
+from ..estimate import Estimate
 from ..search.catalogue import Effect
 from ..search.fitting import Fit, Fitter
 from ..search.placed import Placed, Window
@@ -24,10 +24,10 @@ class Finding:
     """An effect that the recording shows.
 
     Args:
-        placed: the effect with its fitted values.
-        intervals: 95 % interval of each value.
+        effect: the catalogue's entry.
+        estimates: its parameters, in its order.
         score: what it brings in 2 log L, the other effects present.
-        threshold: that it had to pass.
+        threshold: that it had to pass, in 2 log L.
         rivals: names that the recording cannot tell from it.
         trace: what it changes in its balance, shape (rows,).
         row: index of that balance.
@@ -35,8 +35,8 @@ class Finding:
         regime: in words; empty where it acts everywhere.
     """
 
-    placed: Placed
-    intervals: tuple[tuple[float, float], ...]
+    effect: Effect
+    estimates: tuple[Estimate, ...]
     score: float
     threshold: float
     rivals: tuple[Candidate, ...]
@@ -44,11 +44,6 @@ class Finding:
     row: int
     windows: list[Window]
     regime: str
-
-    @property
-    def effect(self) -> Effect:
-        """The catalogue's entry."""
-        return self.placed.effect
 
 
 @dataclass(frozen=True)
@@ -74,13 +69,13 @@ def findings_of(
     """The chosen effects with intervals, traces, windows and regimes."""
     balances, replay = fitter.balances, fitter.balances.replay
     fit = selection.fit
-    intervals = fitter.intervals(fit, misfit)
+    estimates = fitter.estimates(fit, misfit)
     signals = signals_of(fitter, fit)
     duration = float(replay.time_s[-1])
     scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
 
     def of(effects: tuple[Placed, ...]) -> NDArray[np.float64]:
-        samples = replay.simulate(fitter.workshop.record(effects))
+        samples = replay.simulate(fitter.trial_ship.record(effects))
         return balances.residuals(replay.simulated(samples))
 
     everything = of(fit.effects)
@@ -94,11 +89,9 @@ def findings_of(
             else active_windows(traces[row], replay.interval_s, duration)
         )
         whole = windows == [(0.0, duration)] or placed.window is not None
-        where = (
-            "" if whole else regime(traces[row], {k: v for k, v in signals.items() if k != "time"})
-        )
+        where = "" if whole else regime(traces[row], signals)
         found.append(
-            Finding(placed, intervals[i], selection.gains[i], selection.thresholds[i],
+            Finding(placed.effect, estimates[i], selection.gains[i], selection.thresholds[i],
                     selection.rivals[i], traces[row], row, windows, where)
         )  # fmt: skip
     return found
@@ -108,22 +101,22 @@ def detectable_effects(
     fitter: Fitter, threshold: Callable[[Effect], float], fit: Fit, effects: list[Effect]
 ) -> list[Detectable]:
     """From the curvature of the likelihood at the smallest probe of each effect of one parameter."""
-    base = fitter.predicted(fitter.workshop.record(fit.effects))
+    base = fitter.predicted(fitter.trial_ship.record(fit.effects))
     found = []
     for effect in effects:
         if len(effect.parameters) != 1 or effect.windowed:
             continue
         parameter = effect.parameters[0]
-        probes = fitter.workshop.probes(parameter)
-        neutral = fitter.workshop.neutral(parameter)
+        probes = fitter.trial_ship.probes(parameter)
+        neutral = fitter.trial_ship.neutral(parameter)
         if not probes or not np.isfinite(neutral):
             continue
         probe = min(probes, key=lambda p: abs(p - neutral))
-        moved = fitter.predicted(fitter.workshop.record((*fit.effects, Placed(effect, (probe,)))))
+        moved = fitter.predicted(fitter.trial_ship.record((*fit.effects, Placed(effect, (probe,)))))
         information = fitter.likelihood.information(fit.weight, (moved - base)[None])
         variance = float(np.linalg.pinv(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:
             size = abs(probe - neutral) * np.sqrt(threshold(effect) * variance)
-            unit = key_info(parameter.key, fitter.workshop.ship).unit
+            unit = parameter.number(fitter.trial_ship.ship).info.unit
             found.append(Detectable(effect, float(size), unit))
     return found

@@ -99,7 +99,7 @@ def regime(trace: NDArray[np.float64], signals: dict[str, tuple[Any, str]]) -> s
 
     Args:
         trace: what the effect changes in its balance, shape (rows,).
-        signals: by name, the simulated signal and its unit.
+        signals: by name, the simulated signal and its unit; ``time`` is none, windows tell that.
     """
     energy = np.square(trace)
     total = float(energy.sum())
@@ -108,7 +108,7 @@ def regime(trace: NDArray[np.float64], signals: dict[str, tuple[Any, str]]) -> s
     best, words = 0.0, ""
     for name, (signal, unit) in signals.items():
         values = np.asarray(signal, dtype=np.float64)
-        if np.ptp(values) < 1e-3 * (np.abs(values).max() + 1e-12):
+        if name == "time" or np.ptp(values) < 1e-3 * (np.abs(values).max() + 1e-12):
             continue
         for share in (0.2, 0.35, 0.5):
             for above in (True, False):

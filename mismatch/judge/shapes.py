@@ -16,6 +16,8 @@ from scipy.stats import chi2
 
 from ..search.fitting import Fit, Fitter
 from ..search.spectra import Likelihood
+from ..simulate.balances import Balances
+from .whiteness import Colour
 
 KNOTS = 5
 TIME_KNOTS = 8
@@ -73,13 +75,12 @@ def _hats(signal: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np
 def signals_of(fitter: Fitter, fit: Fit) -> dict[str, tuple[NDArray[np.float64], str]]:
     """Simulated signals that a missing quantity may follow, with their units."""
     replay = fitter.balances.replay
-    samples = replay.simulate(fitter.workshop.record(fit.effects))
-    drive_unit = "mm" if fitter.balances.prime_mover == "engine" else "V or N m"
+    samples = replay.simulate(fitter.trial_ship.record(fit.effects))
     found = {
         "shaft_speed": (np.ascontiguousarray(samples["shaft_speed"]), "rad/s"),
         "ship_speed": (np.ascontiguousarray(samples["ship_speed"]), "m/s"),
         "pitch_ratio": (np.ascontiguousarray(samples["pitch_ratio"]), ""),
-        "drive": (np.ascontiguousarray(samples["drive"]), drive_unit),
+        "drive": (np.ascontiguousarray(samples["drive"]), replay.ship.prime_mover.demand.unit),
     }
     if len(replay.runs) == 1:  # recordings that were joined share no clock
         found["time"] = (replay.time_s, "s")
@@ -119,6 +120,13 @@ def best_shapes(fitter: Fitter, fit: Fit) -> list[Shape]:
         if best is not None:
             found.append(best)
     return sorted(found, key=lambda shape: -shape.excess)
+
+
+def shape_to_show(shapes: list[Shape], balances: Balances, colour: Colour | None) -> Shape | None:
+    """The shape to show: the best that is beyond chance, else that of the coloured balance."""
+    if not shapes or shapes[0].excess > 0.0 or colour is None:
+        return shapes[0] if shapes else None
+    return next((s for s in shapes if s.balance == balances.names[colour.balance]), shapes[0])
 
 
 def _knots(values: Any, signal: str) -> NDArray[np.float64] | None:

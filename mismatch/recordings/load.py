@@ -25,7 +25,7 @@ from .yardstick import Yardstick
 class Recording:
     """A recording that has passed the checks.
 
-    Attributes:
+    Args:
         source: the file it came from.
         table: canonical columns as floats, (n,) rows on an even time base.
         interval_s: spacing of the rows [s].

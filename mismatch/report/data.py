@@ -38,21 +38,20 @@ def merged(windows: list[tuple[float, float]]) -> list[list[float]]:
     return found
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+def finite(value: Any) -> Any:
+    """The same data with numbers that are not finite as None: an interval may have no end."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
+def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     """``report.json``; numbers in the units that their names carry."""
     effects = []
     for f in diagnosis.findings:
         effect = f.effect
-        parameters = {
-            p.name: {"value": value, "ci95": [low, high]}
-            for p, value, (low, high) in zip(
-                effect.parameters, f.placed.values, f.intervals, strict=True
-            )
-        }
         effects.append(
             {
                 "id": effect.id,
@@ -61,8 +60,8 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
                     dict.fromkeys(c.effect.id for c in f.rivals if c.effect.id != effect.id)
                 ),
                 "equation": effect.equation,
-                "sentence": finding_sentence(f, diagnosis.ship),
-                "parameters": parameters,
+                "sentence": finding_sentence(f),
+                "parameters": {e.name: e.to_dict() for e in f.estimates},
                 "evidence": {"score": f.score, "threshold": f.threshold},
                 "windows_s": [list(w) for w in f.windows],
                 "split_by": effect.split_by,
@@ -81,8 +80,8 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "effects": effects,
         "fit": {
             "held_out": {
-                "before": {c: _finite(x) for c, x in diagnosis.fit_before.items()},
-                "after": {c: _finite(x) for c, x in diagnosis.fit_after.items()},
+                "before": diagnosis.fit_before,
+                "after": diagnosis.fit_after,
                 "gain_2logL": diagnosis.held_out_gain,
             }
         },
@@ -106,4 +105,5 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
             "unit": shape.unit,
             "evidence": {"score": shape.gain, "threshold": shape.threshold},
         }
-    return report
+    plain: dict[str, Any] = finite(report)
+    return plain

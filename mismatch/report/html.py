@@ -12,14 +12,16 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from ...plant.ship import Ship, key_info
-from ..diagnosis import EXPLAINED, NOTHING, Diagnosis
+from ...plant.ship import Ship
+from ..diagnosis import Diagnosis
+from ..judge.verdict import EXPLAINED, NOTHING
 from ..search.catalogue import catalogue
+from ..search.placed import Placed
 from . import figures, regimes
 from .changes import changed_keys
 from .panels import equation
 from .remarks import remarks
-from .sentences import sentence
+from .text import CONSTANT
 from .wording import (
     breakable,
     channel_name,
@@ -55,7 +57,7 @@ def report_html(diagnosis: Diagnosis) -> str:
         d=diagnosis,
         status=status,
         verdict=_WORDS[status],
-        sentence=sentence(diagnosis),
+        sentence=diagnosis.sentence,
         changed=figures.changed(diagnosis),
         facts=_facts(diagnosis),
         fits=_fits(diagnosis),
@@ -91,18 +93,16 @@ def _status(diagnosis: Diagnosis) -> str:
 
 def _finding(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
     finding, ship = diagnosis.findings[place], diagnosis.ship
-    effect, placed = finding.effect, finding.placed
+    effect = finding.effect
     rows = []
-    for parameter, value, (low, high) in zip(
-        effect.parameters, placed.values, finding.intervals, strict=True
-    ):
-        unit = key_info(parameter.key, ship).unit
-        factor, shown = scaled(abs(value), unit)
+    for estimate in finding.estimates:
+        low, high = estimate.ci95
+        factor, shown = scaled(abs(estimate.value), estimate.unit)
         rows.append(
             {
-                "name": parameter_words(parameter.name, unit),
-                "key": breakable(parameter.key),
-                "value": number(value / factor),
+                "name": parameter_words(estimate.name, estimate.unit),
+                "key": breakable(estimate.key),
+                "value": number(estimate.value / factor),
                 "interval": f"{number(low / factor)} … {number(high / factor)}",
                 "unit": shown or "–",
             }
@@ -122,12 +122,12 @@ def _finding(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
     }
 
 
-def _rival(placed: Any, ship: Ship) -> str:
+def _rival(placed: Placed, ship: Ship) -> str:
     """A name that does as well, with its value."""
-    parameter = placed.effect.parameters[0]
-    unit = key_info(parameter.key, ship).unit
+    parameter, value = placed.pairs[0]
+    unit = parameter.number(ship).info.unit
     words = parameter_words(parameter.name, unit)
-    return f"{placed.effect.label} with {words} {measure(placed.values[0], unit)}"
+    return f"{placed.effect.label} with {words} {measure(value, unit)}"
 
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
@@ -159,16 +159,24 @@ def _fits(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         text = f"{value:.{1 if abs(value) < 200.0 else 0}f}"
         return "0.0" if text == "-0.0" else text.replace("-", "−")
 
-    return [
-        {
-            "name": channel_name(column)[0],
-            "before": percent(before),
-            "after": percent(diagnosis.fit_after[column]),
-            "wide_before": width(before),
-            "wide_after": width(diagnosis.fit_after[column]),
-        }
-        for column, before in diagnosis.fit_before.items()
-    ]
+    rows: list[dict[str, Any]] = []
+    for column in diagnosis.measured:
+        name = channel_name(column)[0]
+        if column not in diagnosis.fit_before:
+            rows.append({"name": name, "none": CONSTANT})
+            continue
+        before, after = diagnosis.fit_before[column], diagnosis.fit_after[column]
+        rows.append(
+            {
+                "name": name,
+                "none": "",
+                "before": percent(before),
+                "after": percent(after),
+                "wide_before": width(before),
+                "wide_after": width(after),
+            }
+        )
+    return rows
 
 
 def _shape(diagnosis: Diagnosis) -> dict[str, Any] | None:

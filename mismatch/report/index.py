@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,13 @@ from urllib.parse import quote
 import pandas as pd
 
 from ...core.files import write_atomically, write_text
+from .data import finite
+from .text import aligned
 
-COLUMNS = (
+INDEX_PAGE, INDEX_TABLE = "index.html", "index.csv"
+"""Names of the files of an index."""
+
+INDEX_COLUMNS = (
     "recording", "ship", "date", "verdict", "balances", "found", "windows_s", "regime", "channel",
     "fit_before", "fit_after", "sentence", "report", "error",
 )  # fmt: skip
@@ -38,7 +44,7 @@ def row_of(
         link: where its ``report.html`` is, seen from the index.
         error: why it could not.
     """
-    row: dict[str, Any] = dict.fromkeys(COLUMNS, "")
+    row: dict[str, Any] = dict.fromkeys(INDEX_COLUMNS, "")
     row |= {"recording": recording, "date": date, "error": error}
     row |= {"fit_before": float("nan"), "fit_after": float("nan")}
     if report is None:
@@ -80,28 +86,85 @@ def _found(report: Mapping[str, Any]) -> str:
     return "; ".join(parts)
 
 
-def sorted_index(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """The index, worst first.
+@dataclass(frozen=True)
+class DiagnosisIndex:
+    """What was found in each of many recordings, worst first.
 
     That is by the points of FitPercent that the corrected ship gains on the data set aside; then where
     nothing is missing; then what could not be diagnosed.
+
+    Args:
+        table: one row a recording, columns as in :data:`INDEX_COLUMNS`.
     """
-    table = pd.DataFrame(list(rows), columns=list(COLUMNS))
-    table["order"] = table["verdict"].map(_ORDER)
-    table["gain"] = (table["fit_after"] - table["fit_before"]).fillna(0.0).round(6)
-    table = table.sort_values(
-        ["order", "gain", "recording"], ascending=[True, False, True], ignore_index=True
-    )
-    return table[list(COLUMNS)]
+
+    table: pd.DataFrame
+
+    @classmethod
+    def of(cls, rows: Iterable[Mapping[str, Any]]) -> DiagnosisIndex:
+        """The index of some rows.
+
+        Args:
+            rows: as of :func:`row_of`, in any order.
+        """
+        table = pd.DataFrame(list(rows), columns=list(INDEX_COLUMNS))
+        table["order"] = table["verdict"].map(_ORDER)
+        table["gain"] = (table["fit_after"] - table["fit_before"]).fillna(0.0).round(6)
+        table = table.sort_values(
+            ["order", "gain", "recording"], ascending=[True, False, True], ignore_index=True
+        )
+        return cls(table[list(INDEX_COLUMNS)])
+
+    @property
+    def diagnosed(self) -> pd.DataFrame:
+        """Rows of the recordings that could be diagnosed."""
+        return self.table[self.table["error"] == ""]
+
+    @property
+    def failed(self) -> pd.DataFrame:
+        """Rows of those that could not, with their ``error``."""
+        return self.table[self.table["error"] != ""]
+
+    def summary(self) -> str:
+        """What was found where, and what could not be diagnosed, as text for a terminal."""
+        parts = []
+        if len(self.diagnosed):
+            heads = ["recording", "date", "verdict", "balances", "found"]
+            rows = [
+                {head: str(row[head]) for head in heads}
+                | {"before": _percent(row["fit_before"]), "after": _percent(row["fit_after"])}
+                for row in self.diagnosed.to_dict("records")
+            ]
+            head = "Worst first; FitPercent on what was set aside, 100 is perfect"
+            parts.append(f"{head}\n{aligned(rows, ('before', 'after'))}")
+        parts += [f"could not be diagnosed: {error}" for error in self.failed["error"]]
+        return "\n\n".join(parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """``{"recordings": [...]}``, one entry a recording with the columns of the table."""
+        return {"recordings": finite(self.table.to_dict("records"))}
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``index.csv`` and ``index.html``.
+
+        Args:
+            folder: made where needed.
+
+        Returns:
+            The folder.
+
+        Raises:
+            OSError: the folder cannot be written to.
+        """
+        folder, table = Path(folder), self.table
+        write_atomically(
+            folder / INDEX_TABLE, lambda file: table.to_csv(file, index=False, float_format="%.6g")
+        )
+        write_text(folder / INDEX_PAGE, page(self))
+        return folder
 
 
-def write_index(rows: Iterable[Mapping[str, Any]], out: Path) -> None:
-    """Write ``index.csv`` and ``index.html``."""
-    table = sorted_index(rows)
-    write_atomically(
-        out / "index.csv", lambda file: table.to_csv(file, index=False, float_format="%.6g")
-    )
-    write_text(out / "index.html", page(table))
+def _percent(value: float) -> str:
+    return "–" if pd.isna(value) else f"{value:.1f}"
 
 
 _STYLE = """
@@ -125,9 +188,9 @@ _NOTE = (
 )
 
 
-def page(table: pd.DataFrame) -> str:
+def page(index: DiagnosisIndex) -> str:
     """``index.html``, with nothing outside it but the reports that it links to."""
-    good, bad = table[table["error"] == ""], table[table["error"] != ""]
+    good, bad = index.diagnosed, index.failed
     counts = good["verdict"].value_counts()
     parts = [f"{counts[v]} {v.replace('-', ' ')}" for v in _ORDER if v in counts]
     if len(bad):
@@ -135,7 +198,7 @@ def page(table: pd.DataFrame) -> str:
     ships = ", ".join(dict.fromkeys(good["ship"]))
     body = [
         "<h1>Where simulation and recordings differ</h1>",
-        f"<p><b>{len(table)} recordings{f' of {escape(ships)}' if ships else ''}</b>: "
+        f"<p><b>{len(index.table)} recordings{f' of {escape(ships)}' if ships else ''}</b>: "
         f"{', '.join(parts)}.</p>",
     ]
     if len(good):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...plant.columns import drive_column
 from ..diagnosis import Diagnosis
+from ..estimate import HALF_95
 from .figures import QUANTITY, changed, interval
 from .panels import AFTER, BEFORE, HELD_OUT, MEASURED, QUIET, Array, block_rows, blocks, panel, svg
 from .wording import channel_name, scaled, with_unit
@@ -28,7 +30,7 @@ def located_rows(diagnosis: Diagnosis) -> list[int]:
     return [int(np.argmax(means))]
 
 
-def signals(diagnosis: Diagnosis) -> dict[str, tuple[Array, str, str]]:
+def signals_shown(diagnosis: Diagnosis) -> dict[str, tuple[Array, str, str]]:
     """Signals over which a residual is shown: values, name and unit.
 
     They are simulated, by the corrected ship: measured ones share their noise with the residual.
@@ -40,8 +42,7 @@ def signals(diagnosis: Diagnosis) -> dict[str, tuple[Array, str, str]]:
     for key, column in columns.items():
         if column in diagnosis.after:
             found[key] = (diagnosis.after[column], *channel_name(column))
-    unit = {"diesel": "mm", "dc-motor": "V"}.get(diagnosis.ship.prime_mover.type, "N m")
-    found["drive"] = (diagnosis.drive, "fuel rack" if unit == "mm" else "drive demand", unit)
+    found["drive"] = (diagnosis.drive, *channel_name(drive_column(diagnosis.ship)))
     return {k: v for k, v in found.items() if np.ptp(v[0]) > 0.02 * np.abs(v[0]).max()}
 
 
@@ -50,7 +51,7 @@ def binned(signal: Array, residual: Array, size: int) -> tuple[Array, Array, Arr
     x, y = blocks(signal, size), blocks(residual, size)
     order = np.argsort(x)
     parts = [p for p in np.array_split(order, min(_BINS, max(1, len(order) // 5))) if len(p) > 1]
-    error = [1.96 * np.std(y[p], ddof=1) / np.sqrt(len(p)) for p in parts]
+    error = [HALF_95 * np.std(y[p], ddof=1) / np.sqrt(len(p)) for p in parts]
     return (
         np.array([x[p].mean() for p in parts]),
         np.array([y[p].mean() for p in parts]),
@@ -68,7 +69,7 @@ def regimes(diagnosis: Diagnosis) -> list[str]:
         lines = [(diagnosis.residual_before[row], BEFORE)]
         if changed(diagnosis):
             lines.append((diagnosis.residual_after[row], AFTER))
-        for key, (signal, words, signal_unit) in signals(diagnosis).items():
+        for key, (signal, words, signal_unit) in signals_shown(diagnosis).items():
             stats = [(*binned(signal, values, size), colour) for values, colour in lines]
             factor, shown = scaled(max(float(np.abs(s[1]).max()) for s in stats), unit)
             figure, axes = panel(
@@ -105,7 +106,7 @@ def shape_panel(diagnosis: Diagnosis) -> list[str]:
             axes.axvspan(a, b, color=HELD_OUT, linewidth=0)
     axes.axhline(0.0, color=MEASURED, linewidth=0.6)
     names = [name for name, _ in diagnosis.balances]
-    followed = {"time": (diagnosis.time_s, "", ""), **signals(diagnosis)}
+    followed = {"time": (diagnosis.time_s, "", ""), **signals_shown(diagnosis)}
     if shape.signal in followed and shape.balance in names:
         size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
         residual = diagnosis.residual_before[names.index(shape.balance)]

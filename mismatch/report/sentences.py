@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...plant.ship import Ship, key_info
-from ..diagnosis import EXPLAINED, NOTHING, Diagnosis
+from ..diagnosis import Diagnosis
 from ..judge.findings import Finding
+from ..judge.verdict import EXPLAINED, NOTHING
 from .wording import measure, parameter_words
 
 
-def seconds(windows: list[tuple[float, float]]) -> str:
+def between(windows: list[tuple[float, float]]) -> str:
     """Windows in words."""
     if not windows:
         return ""
@@ -19,20 +19,19 @@ def seconds(windows: list[tuple[float, float]]) -> str:
     return "between " + ", between ".join(parts) + more
 
 
-def finding_sentence(finding: Finding, ship: Ship) -> str:
+def finding_sentence(finding: Finding) -> str:
     """What an effect means, with its parameters and their intervals."""
     effect = finding.effect
     sizes = []
-    for parameter, value, (low, high) in zip(
-        effect.parameters, finding.placed.values, finding.intervals, strict=True
-    ):
-        unit = key_info(parameter.key, ship).unit
-        size = f"{measure(value, unit)} (95 %: {measure(low, unit)} to {measure(high, unit)})"
-        alone = len(effect.parameters) == 1
-        sizes.append(size if alone else f"{parameter_words(parameter.name, unit)} {size}")
+    for estimate in finding.estimates:
+        unit = estimate.unit
+        low, high = (measure(end, unit) for end in estimate.ci95)
+        size = f"{measure(estimate.value, unit)} (95 %: {low} to {high})"
+        alone = len(finding.estimates) == 1
+        sizes.append(size if alone else f"{parameter_words(estimate.name, unit)} {size}")
     subject = "instrument" if effect.balance == "sensor" else f"{effect.balance} balance"
     where = f", {finding.regime}," if finding.regime else ""
-    when = seconds(finding.windows)
+    when = between(finding.windows)
     return f"{when[:1].upper()}{when[1:]}{where} the {subject} lacks {effect.lacks}, {', '.join(sizes)}."
 
 
@@ -40,7 +39,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     """The answer in one sentence."""
     limits = "; ".join(diagnosis.limits)
     if diagnosis.verdict == EXPLAINED:
-        return " ".join(finding_sentence(f, diagnosis.ship) for f in diagnosis.findings)
+        return " ".join(finding_sentence(f) for f in diagnosis.findings)
     if diagnosis.verdict == NOTHING:
         if limits:
             return f"Cannot be decided, because {limits}."

@@ -7,10 +7,14 @@ import re
 
 from markupsafe import Markup, escape
 
+from ...plant.columns import DEMANDS
 from ...plant.signals import SIGNALS
 from ..search.catalogue import Effect
 
-_NAMES = {s.column: (s.name.removeprefix("measured_").replace("_", " "), s.unit) for s in SIGNALS}
+_NAMES = {
+    s.column: (s.name.removeprefix("measured_").replace("_", " "), s.unit)
+    for s in (*SIGNALS, *DEMANDS)
+}
 
 
 def number(value: float, digits: int = 3) -> str:

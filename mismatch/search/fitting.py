@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
+from ..estimate import Estimate
 from ..simulate.balances import Balances
 from ..simulate.tolerances import UNMOVED, tolerance_records
-from .placed import Placed, Workshop
+from .placed import Placed
 from .spectra import Bands, Complex, Likelihood
+from .trial_ship import TrialShip
 
-FORM_ERROR = 0.05
+MOST_WIDENING = 0.05
 """Most that the error of a form widens an interval by, as a share of the effect's size."""
 
 EDGE_S = 30.0
@@ -60,12 +62,12 @@ class Fitter:
     def __init__(self, balances: Balances, bands: Bands, scale: float = 1.0) -> None:
         self.balances = balances
         self.bands = bands
-        self.workshop = Workshop(balances)
+        self.trial_ship = TrialShip(balances)
         self.simulations = 0
         replay = balances.replay
         self.measured = bands.transform(balances.residuals(replay.measured()))
         self._cache: dict[bytes, Complex] = {}
-        nominal = self.predicted(self.workshop.nominal)
+        nominal = self.predicted(self.trial_ship.nominal)
         columns = []
         for record, shift in tolerance_records(replay, scale):
             columns.append(self._predict(record, shift) - nominal)
@@ -94,7 +96,7 @@ class Fitter:
 
     def fitted(self, effects: tuple[Placed, ...]) -> Fit:
         """Score of effects at their values, the nominal numbers adjusted inside their tolerances."""
-        difference = self.measured - self.predicted(self.workshop.record(effects))
+        difference = self.measured - self.predicted(self.trial_ship.record(effects))
         if not np.isfinite(difference).all():
             empty = np.zeros(len(self.nuisance))
             return Fit(effects, -math.inf, difference, empty, self.null.weight)
@@ -110,15 +112,15 @@ class Fitter:
             None where no size in the parameter's range helps.
         """
         parameter = placed.effect.parameters[0]
-        neutral = self.workshop.neutral(parameter)
+        neutral = self.trial_ship.neutral(parameter)
         if math.isinf(neutral):
             return None
-        moved = self.predicted(self.workshop.record((*base.effects, placed)))
-        column = moved - self.predicted(self.workshop.record(base.effects))
+        moved = self.predicted(self.trial_ship.record((*base.effects, placed)))
+        column = moved - self.predicted(self.trial_ship.record(base.effects))
         if not np.isfinite(column).all():
             return None
         share = self.likelihood.amount(base.weight, base.difference, column)
-        low, high = self.workshop.range_of(parameter.key)
+        low, high = self.trial_ship.range_of(parameter)
         value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
         if abs(value - neutral) <= parameter.least or (value < neutral and not parameter.signed):
             return None
@@ -133,7 +135,7 @@ class Fitter:
         return self._searched(fit, list(range(len(fit.effects))), evaluations, spread=0.1)
 
     def _searched(self, fit: Fit, which: list[int], evaluations: int, spread: float) -> Fit:
-        searches = [_Search(self.workshop, fit.effects[i]) for i in which]
+        searches = [_Search(self.trial_ship, fit.effects[i]) for i in which]
         points = [search.point() for search in searches]
         cuts = np.cumsum([len(point) for point in points])[:-1]
         best = [fit]
@@ -164,13 +166,13 @@ class Fitter:
             )  # fmt: skip
         return best[0]
 
-    def intervals(self, fit: Fit, misfit: float = 0.0) -> list[tuple[tuple[float, float], ...]]:
-        """95 % intervals of every effect's values, the nominal numbers free in their tolerances.
+    def estimates(self, fit: Fit, misfit: float = 0.0) -> list[tuple[Estimate, ...]]:
+        """Every effect's values with their errors, the nominal numbers free in their tolerances.
 
         From the curvature of the whitened likelihood over steps of one standard error, so that bends
         inside the interval are felt. An effect's true form is never quite the catalogue's, and the part
         of the form's error that looks like another value does not show in the residual: it is taken to
-        be as large as the part that does, up to :data:`FORM_ERROR`.
+        be as large as the part that does, up to :data:`MOST_WIDENING`.
 
         Args:
             fit: the model.
@@ -179,7 +181,7 @@ class Fitter:
         flat = [(i, j) for i, placed in enumerate(fit.effects) for j in range(len(placed.values))]
         if not flat:
             return []
-        here = self.predicted(self.workshop.record(fit.effects))
+        here = self.predicted(self.trial_ship.record(fit.effects))
         steps = np.array([1e-2 * abs(fit.effects[i].values[j]) + 1e-9 for i, j in flat])
         errors = steps.copy()
         for _ in range(3):
@@ -189,19 +191,25 @@ class Fitter:
                 values[j] += step
                 trial = list(fit.effects)
                 trial[i] = trial[i].with_values(values)
-                columns.append((self.predicted(self.workshop.record(tuple(trial))) - here) / step)
+                columns.append((self.predicted(self.trial_ship.record(tuple(trial))) - here) / step)
             information = self.likelihood.information(fit.weight, np.array(columns))
             covariance = np.linalg.pinv(information)
             errors = np.sqrt(np.maximum(np.diag(covariance)[: len(flat)], 1e-300))
             sizes = np.array([abs(fit.effects[i].values[j]) for i, j in flat])
             steps = np.clip(errors, 1e-4 * sizes + 1e-12, 0.5 * sizes + 1e-9)
-        found: list[list[tuple[float, float]]] = [[] for _ in fit.effects]
+        host = self.trial_ship.host(fit.effects)
+        found: list[list[Estimate]] = [[] for _ in fit.effects]
         for (i, j), error in zip(flat, errors, strict=True):
-            value = fit.effects[i].values[j]
-            size = abs(value - self.workshop.origin(fit.effects[i].effect.parameters[j]))
-            half = math.hypot(1.96 * error, min(misfit, FORM_ERROR) * size)
-            found[i].append((value - half, value + half))
-        return [tuple(pairs) for pairs in found]
+            parameter, value = fit.effects[i].pairs[j]
+            size = abs(value - self.trial_ship.origin(parameter))
+            found[i].append(
+                Estimate.of(
+                    host, parameter.key, value, float(error),
+                    form_error=min(misfit, MOST_WIDENING) * size,
+                    neutral=self.trial_ship.neutral(parameter),
+                )
+            )  # fmt: skip
+        return [tuple(estimates) for estimates in found]
 
 
 class _Search:
@@ -209,11 +217,11 @@ class _Search:
     and its window's edges in units of :data:`EDGE_S`.
     """
 
-    def __init__(self, workshop: Workshop, placed: Placed) -> None:
+    def __init__(self, trial_ship: TrialShip, placed: Placed) -> None:
         self._placed = placed
         self._neutral, self._sign, self._least = [], [], []
-        for parameter, value in zip(placed.effect.parameters, placed.values, strict=True):
-            base = workshop.origin(parameter)
+        for parameter, value in placed.pairs:
+            base = trial_ship.origin(parameter)
             self._neutral.append(base)
             self._sign.append(1.0 if value >= base else -1.0)
             self._least.append(parameter.least)

@@ -1,21 +1,14 @@
-"""Effects put onto a ship: where each is first tried, and how its values reach the ship's record."""
+"""An effect at some size: an entry of the catalogue with values."""
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from ...plant.propeller import cavitation_number
-from ...plant.ship import Ship, key_info, record_name
-from ..simulate.balances import Balances
 from .catalogue import Effect, Parameter
 
 Window = tuple[float, float]
+"""Start and end [s]."""
 
 
 @dataclass(frozen=True)
@@ -25,132 +18,18 @@ class Placed:
     Args:
         effect: the catalogue's entry.
         values: of its parameters, in its order, in the ship file's units.
-        window: start and end [s] of an effect that acts for a time.
+        window: in which it acts, where it acts for a time.
     """
 
     effect: Effect
     values: tuple[float, ...]
     window: Window | None = None
 
+    @property
+    def pairs(self) -> tuple[tuple[Parameter, float], ...]:
+        """Each parameter with its value."""
+        return tuple(zip(self.effect.parameters, self.values, strict=True))
+
     def with_values(self, values: Any) -> Placed:
         """The same effect with other values."""
         return Placed(self.effect, tuple(float(v) for v in values), self.window)
-
-
-class Workshop:
-    """Puts effects onto one ship as it sails in one recording.
-
-    Args:
-        balances: of the ship and the recording; their nominal simulation scales the probes.
-    """
-
-    def __init__(self, balances: Balances) -> None:
-        self.ship: Ship = balances.replay.ship
-        self.nominal = self.ship.record()
-        self._means = _means(balances)
-
-    def settings(self, placed: Placed) -> dict[str, float]:
-        """Dotted keys of the ship's file and their values."""
-        found = {
-            p.key: value for p, value in zip(placed.effect.parameters, placed.values, strict=True)
-        }
-        for key, of in placed.effect.fixed:
-            found[key] = self._means[of]
-        for key, of, factor in placed.effect.ties:
-            found[key] = found[of] * factor
-        if placed.window is not None:
-            section = placed.effect.parameters[0].key.split(".")[0]
-            start, end = placed.window
-            found[f"{section}.episode_start_s"] = start
-            found[f"{section}.episode_end_s"] = end
-        return {key: float(np.clip(value, *self.range_of(key))) for key, value in found.items()}
-
-    def range_of(self, key: str) -> tuple[float, float]:
-        """Allowed range of a key, open ends drawn in by a hair."""
-        info = key_info(key, self.ship)
-        return info.low, info.high
-
-    def record(self, effects: tuple[Placed, ...], base: Any = None) -> Any:
-        """The kernels' record of the ship with some effects on it."""
-        plant = (self.nominal if base is None else base).copy()
-        for placed in effects:
-            for key, value in self.settings(placed).items():
-                plant[record_name(key, self.ship)] = value
-        return plant
-
-    def corrected(self, effects: tuple[Placed, ...]) -> Ship:
-        """The ship with some effects on it."""
-        values: dict[str, Any] = {}
-        for placed in effects:
-            values |= self.settings(placed)
-        return self.ship.with_values(values)
-
-    def neutral(self, parameter: Parameter) -> float:
-        """Value at which the effect is absent: the ship file's own."""
-        if parameter.absolute:
-            return 0.0
-        return float(self.nominal[record_name(parameter.key, self.ship)])
-
-    def origin(self, parameter: Parameter) -> float:
-        """Value from which a size is measured: the neutral one; 0 for limits, absent at infinity."""
-        neutral = self.neutral(parameter)
-        return 0.0 if math.isinf(neutral) else neutral
-
-    def probes(self, parameter: Parameter) -> list[float]:
-        """Values at which a parameter is first tried, inside its bounds."""
-        low, high = self.range_of(parameter.key)
-        start = self.origin(parameter)
-        steps = [p * self._means[parameter.of] for p in parameter.probes]
-        if parameter.signed:
-            steps = [-s for s in reversed(steps)] + steps
-        return [start + s for s in steps if low <= start + s <= high]
-
-    def smallest(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
-        """The trials in which the effect's first value is as near to neutral as it is probed."""
-        start = self.origin(effect.parameters[0])
-        probes = self.probes(effect.parameters[0])
-        nearest = min(probes, key=lambda value: (abs(value - start), -value), default=None)
-        for placed in self.trials(effect, windows):
-            if placed.values[0] == nearest:
-                yield placed
-
-    def trials(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
-        """The effect at every combination of its probes, and of windows where it acts for a time."""
-        grids = [self.probes(p) for p in effect.parameters]
-        whole: list[Window | None] = [None]
-        for window in windows if effect.windowed else whole:
-            for values in itertools.product(*grids):
-                yield Placed(effect, values, window)
-
-
-def _means(balances: Balances) -> Mapping[str, float]:
-    """What the references of the catalogue's probes are worth in a nominal simulation."""
-    samples, plant = balances.nominal_samples, balances.plant
-    omega = np.abs(samples["shaft_speed"])
-    gear = float(plant["gear_ratio"])
-
-    def typical(values: Any) -> float:
-        return float(max(np.sqrt(np.mean(np.square(values))), 1e-9))
-
-    torque, shaft = typical(samples["propeller_torque"]), typical(omega)
-    drive = balances.replay.drive_rows
-    number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
-    found = {
-        "unit": 1.0,
-        "torque": torque,
-        "torque/shaft_speed": torque / shaft,
-        "torque/shaft_speed/shaft_speed": torque / shaft**2,
-        "brake_torque/engine_speed/engine_speed": typical(samples["brake_torque"])
-        / (gear * shaft) ** 2,
-        "force": typical(samples["resistance"]),
-        "shaft_speed": shaft,
-        "engine_speed": gear * float(np.mean(omega)),
-        "ship_speed": float(np.mean(samples["ship_speed"])),
-        "drive": typical(drive),
-        "drive_top": float(np.abs(drive).max()),
-        "current_top": float(np.abs(samples["motor_current"]).max()),
-        "inertia": float(plant["inertia_propeller_side"])
-        + 0.1 * float(plant["inertia_engine_side"]),
-        "sigma_top": float(number),
-    }
-    return found

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from ..progress import Tick
 from .catalogue import Effect
 from .fitting import Fit, Fitter
 from .placed import Placed, Window
@@ -17,10 +18,8 @@ REFINED = 5
 TELL_APART = 6.0
 """Difference of 2 log L below which two names cannot be told apart (odds of about 20 to 1)."""
 
-FORM_ERROR = 0.01
+NEAR_SHARE = 0.01
 """Share of a gain by which the form of a right name may be worse than that of a wrong one."""
-
-Tick = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -112,9 +111,9 @@ class Selector:
 
     def _trials(self, base: Fit, effect: Effect) -> Iterator[Placed]:
         """An effect at its probes, and at the sizes to which the smallest of them point."""
-        workshop = self.fitter.workshop
-        yield from workshop.trials(effect, self.windows)
-        for small in workshop.smallest(effect, self.windows):
+        trial_ship = self.fitter.trial_ship
+        yield from trial_ship.trials(effect, self.windows)
+        for small in trial_ship.smallest(effect, self.windows):
             placed = self.fitter.scaled(base, small)
             if placed is not None:
                 yield placed
@@ -152,7 +151,7 @@ class Selector:
             rivals[best.effect.label] = tuple(
                 c
                 for c in refined[1:]
-                if self._merit(best) - self._merit(c) < max(TELL_APART, FORM_ERROR * best.gain)
+                if self._merit(best) - self._merit(c) < max(TELL_APART, NEAR_SHARE * best.gain)
             )
             base = self._without_the_idle(fit)
         gains = tuple(base.score - self._without(base, i).score for i in range(len(base.effects)))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...core.compiled import Record, compiled
 from ...plant.dynamics import loads
 from ...plant.shaft import inertia_behind_gauge
-from ...plant.state import Inputs, State, without_lags
+from ...plant.state import Inputs, motion_state, without_lags
 from .joint_replay import JointReplay
 
 Channels = dict[str, NDArray[np.float64]]
@@ -48,8 +48,8 @@ def _loads_at(
     """The plant's loads at each sample; the last six filled."""
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
-        state = State(pitch_ratio[k], shaft_speed[k], ship_speed[k])
-        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k])
+        state = motion_state(pitch_ratio[k], shaft_speed[k], ship_speed[k])
+        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0)
         acting = loads(plant, state, acts, pitch_ratio[k])
         drive_torque[k] = acting.drive_torque
         load_torque[k] = acting.load_torque
@@ -70,6 +70,12 @@ def rate(values: NDArray[np.float64], interval_s: float) -> NDArray[np.float64]:
 
 class Balances:
     """The balances that a ship and the channels of a recording allow.
+
+    Args:
+        replay: the recording.
+
+    Raises:
+        ValueError: the nominal ship runs away under the recorded demands.
 
     Attributes:
         names: of the residuals' rows: ``engine``, ``propeller`` and so on.
@@ -100,10 +106,20 @@ class Balances:
         self.units = [unit for _, unit in rows]
         nominal = replay.simulate(self.plant)
         self.nominal = replay.simulated(nominal)
+        self._refuse_runaway()
         self.nominal_samples = nominal
         # where a neighbour is not measured, its nominal simulation stands in
         self._pitch = np.ascontiguousarray(nominal["pitch_ratio"])
         self._speed = np.ascontiguousarray(nominal["ship_speed"])
+
+    def _refuse_runaway(self) -> None:
+        for column, values in self.nominal.items():
+            if not np.isfinite(values).all():
+                when = float(self.replay.time_s[np.argmin(np.isfinite(values))])
+                raise ValueError(
+                    f"{self.replay.ship.name}: its simulated {column} is not finite from {when:g} s "
+                    "on, under the recorded demands; is it this ship's recording?"
+                )
 
     def residuals(self, channels: Channels) -> NDArray[np.float64]:
         """What each balance lacks, of measured or simulated channels; shape (balances, rows)."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 import pandas as pd
 from numpy.random import Generator
@@ -16,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_banded
 
-from .numbers import EFFECTS, Numbers
+from .motion import compiled
+from .numbers import NEUTRAL, Numbers
 
 Floats = NDArray[np.float64]
 PROGRAMMES = ("steps", "staircase", "sines", "reversals")
@@ -68,11 +68,10 @@ def bench_numbers(**changes: float) -> Numbers:
     }  # fmt: skip
     for name, factor in changes.items():
         numbers[name] *= factor
-    return numbers | EFFECTS
+    return numbers | NEUTRAL
 
 
 THRUSTER = np.dtype([(name, np.float64) for name in bench_numbers()], align=True)
-compiled = numba.njit(cache=True, error_model="numpy")
 
 
 def voltage_programme(kind: str, seconds: float, period: float, rng: Generator) -> Floats:

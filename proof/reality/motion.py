@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 STATES = 9
-TOLERANCE = np.array([1e-5, 1e-5, 1e-2, 5.0, 20.0, 1e-4, 1e-3, 1e-3, 1e-2])
+ABSOLUTE_TOLERANCES = np.array([1e-5, 1e-5, 1e-2, 5.0, 20.0, 1e-4, 1e-3, 1e-3, 1e-2])
 CLOCK = ("rack", "pitch", "resistance", "current", "generator", "bubbles")
 """What acts by the clock, a column each: rack [mm] (held), blade pitch, resistance factor,
 current [m/s], torque of a shaft generator [N m], share of air blown over the propeller."""

@@ -21,7 +21,7 @@ Numbers = dict[str, float]
 J_TERMS, PITCH_TERMS = 4, 7
 CURVE = (J_TERMS, PITCH_TERMS)
 
-EFFECTS: Numbers = {
+NEUTRAL: Numbers = {
     # engine: second-order lag, loss of torque that grows with speed, bend of the map
     "lag_time": 0.0, "lag_damping": 0.9, "derating": 0.0, "derating_slope": 0.0,
     "bend": 0.0, "bend_speed": 75.0, "bend_skew": 0.0,
@@ -125,7 +125,7 @@ def frigate_numbers(**changes: float) -> Numbers:
     }
     for name, factor in changes.items():
         numbers[name] *= factor
-    return {name: float(value) for name, value in numbers.items()} | EFFECTS
+    return {name: float(value) for name, value in numbers.items()} | NEUTRAL
 
 
 TRUE_SHIP = np.dtype(
@@ -135,7 +135,7 @@ TRUE_SHIP = np.dtype(
 )
 
 
-def frozen(numbers: Numbers) -> NDArray[Any]:
+def as_record(numbers: Numbers) -> NDArray[Any]:
     """The numbers for the compiled equations of motion: an array of one TRUE_SHIP record."""
     ship = np.zeros(1, TRUE_SHIP)
     for name, value in numbers.items():

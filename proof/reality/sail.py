@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from .actuators import pitch_travel, rack_travel
-from .motion import CLOCK, STATES, TOLERANCE, rates, signals
-from .numbers import Numbers, frozen
+from .motion import ABSOLUTE_TOLERANCES, CLOCK, STATES, rates, signals
+from .numbers import Numbers, as_record
 from .water import Waves, calm
 
 Floats = NDArray[np.float64]
@@ -90,7 +90,7 @@ def _first_states(ship: NDArray[Any], numbers: Numbers, table: Floats) -> Floats
         start[3] = 2e4
     start[5] = 6.0
     whole = solve_ivp(
-        rates, (0.0, SETTLING), start, method="LSODA", rtol=1e-7, atol=TOLERANCE,
+        rates, (0.0, SETTLING), start, method="LSODA", rtol=1e-7, atol=ABSOLUTE_TOLERANCES,
         args=(ship, calm(), held, SETTLING), events=_slow,
     )  # fmt: skip
     if whole.status != 0:
@@ -121,7 +121,7 @@ def sail(
         StalledError: the engine stops.
     """
     waves = calm() if waves is None else waves
-    ship = frozen(numbers)
+    ship = as_record(numbers)
     table = _clock_table(numbers, rack, pitch, period, wind_seed)
     step = period / FINE
     times: Floats = np.arange(len(rack), dtype=np.float64) * period
@@ -134,7 +134,7 @@ def sail(
             continue
         span = float(times[first]), float(times[last]) - 1e-6
         solution = solve_ivp(
-            rates, span, state, method="RK45", rtol=1e-5, atol=TOLERANCE, max_step=longest,
+            rates, span, state, method="RK45", rtol=1e-5, atol=ABSOLUTE_TOLERANCES, max_step=longest,
             t_eval=np.append(times[first:last], span[1]), args=(ship, waves, table, step),
             events=_slow,
         )  # fmt: skip

@@ -26,12 +26,12 @@ Terms = dict[str, Floats]
 Chosen = tuple[float, str, float, float]
 """A term that was chosen: its score, name, coefficient, and the coefficient's standard error."""
 MOST_EFFECTS = 3
-WINDOW = 11  # samples of the quadratic through which signals are differentiated
-HELD_OUT = 0.25  # last share of the record; fitted on the rest
+SMOOTHED_ROWS = 11  # samples of the quadratic through which signals are differentiated
+HELD_OUT_SHARE = 0.25  # last share of the record; fitted on the rest
 
 
 def _rate(values: Floats, period: float) -> Floats:
-    return np.asarray(savgol_filter(values, WINDOW, 2, deriv=1, delta=period))
+    return np.asarray(savgol_filter(values, SMOOTHED_ROWS, 2, deriv=1, delta=period))
 
 
 def _lagged(values: Floats, period: float, lag: float) -> Floats:
@@ -208,7 +208,7 @@ def report_by(
     frigate = "fuel_rack_mm" in table
     errors: Callable[[pd.DataFrame], dict[str, tuple[Floats, Terms]]]
     errors = frigate_errors if frigate else bench_errors
-    fitted = table.iloc[: int(len(table) * (1.0 - HELD_OUT))]
+    fitted = table.iloc[: int(len(table) * (1.0 - HELD_OUT_SHARE))]
     found = []
     for balance, (error, terms) in errors(fitted).items():
         allowed = {name: term for name, term in terms.items() if name not in exclude}
@@ -221,7 +221,7 @@ def report_by(
         "recording": {
             "rows": len(table),
             "seconds": seconds,
-            "held_out": [[seconds * (1.0 - HELD_OUT), seconds]],
+            "held_out": [[seconds * (1.0 - HELD_OUT_SHARE), seconds]],
         },
         "location": {
             "balances": list(dict.fromkeys(balance for *_, balance in found)),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ...agents.policy.policy import PolicyError, load, trained
+from ...agents.policy.policy import PolicyError, load_policy, trained
 from ...core.sweep import SweepError
 from ...envs.tasks import HELD_OUT, get_task
 from . import cards, page
@@ -31,7 +31,7 @@ def sources(tasks: list[str], files: list[Path]) -> dict[str, Path]:
         return {task: path for task, path in trained().items() if task in tasks}
     found = {}
     for file in files:
-        task = load(file).about["recipe"]["task"]
+        task = load_policy(file).about["recipe"]["task"]
         if task not in BASELINES:
             raise PolicyError(f"{file}: made for {task!r}; compared are {', '.join(BASELINES)}")
         found[task] = file

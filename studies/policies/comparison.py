@@ -11,9 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ...agents.evaluate.controllers import version_of
-from ...agents.evaluate.evaluation import KPIS, Setting, episodes, interquartile_mean, with_interval
-from ...agents.policy.policy import Policy, load
+from ...agents.evaluation.controllers import version_of
+from ...agents.evaluation.episodes import Setting
+from ...agents.evaluation.kpis import KPIS
+from ...agents.evaluation.statistics import interquartile_mean, with_interval
+from ...agents.evaluation.sweeps import episodes
+from ...agents.policy.policy import Policy, load_policy
 from ...baselines.combinator import combinator_curve
 from ...baselines.controller import Controller
 from ...baselines.registry import make_controller
@@ -161,7 +164,7 @@ def compare(
     apart = f"{task}:{HELD_OUT}"
     model = get_task(apart)
     ship = load_ship("frigate").with_values(dict(model.ship))
-    policy = load(source, ship)
+    policy = load_policy(source, ship)
     # the cells of one set of weights must not be taken for those of the next
     own = f"{POLICY} {version_of(source)}"
     names = {own: POLICY} | {name: name for name in BASELINES[task]}

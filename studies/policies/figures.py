@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ...agents.evaluate.evaluation import with_interval
+from ...agents.evaluation.statistics import with_interval
 from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
 from ...plant.drives.diesel import torque_limit
 from .comparison import POLICY, Comparison

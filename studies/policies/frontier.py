@@ -16,8 +16,9 @@ import pandas as pd
 import typer
 from matplotlib.figure import Figure
 
-from ...agents.evaluate.controllers import label, make_controller
-from ...agents.evaluate.evaluation import Setting, episodes
+from ...agents.evaluation.controllers import label, load_controller
+from ...agents.evaluation.episodes import Setting
+from ...agents.evaluation.sweeps import episodes
 from ...baselines.controller import Controller
 from ...core.files import write_atomically, write_text
 from ...display import figures
@@ -45,7 +46,7 @@ def specification(gain: float, offset: float) -> str:
 
 def _make(names: dict[str, str], setting: Setting) -> Controller:
     ship = load_ship(setting.ship).with_values(dict(get_task(setting.task).ship))
-    return make_controller(names[setting.controller], ship, 0.5)
+    return load_controller(names[setting.controller], ship, 0.5)
 
 
 def frontier(

@@ -16,8 +16,10 @@ import numpy as np
 import pandas as pd
 import typer
 
-from ...agents.evaluate.evaluation import Setting, interquartile_mean, run
-from ...agents.learn.recipe import read_recipe
+from ...agents import load_policy, run_episodes
+from ...agents.evaluation.episodes import Setting
+from ...agents.evaluation.statistics import interquartile_mean
+from ...agents.learning.recipe import read_recipe
 from ...core.files import write_atomically, write_text
 from ...core.sweep import source_digest, sweep
 from ...display.tables import markdown
@@ -37,14 +39,13 @@ def _trained_and_judged(
     folder: Path, task: str, changes: dict[str, Any], episodes: int, cell: Cell
 ) -> dict[str, Any]:
     """Train one policy and judge it; scores by the observer that it was run with."""
-    from ...agents.learn.training import train
-    from ...agents.policy.policy import load  # torch takes seconds to import
+    from ...agents.learning.training import train
 
     observer, noise, seed = cell
     env = {"observer": observer, "sensor_noise": NOISES[noise]}
     recipe = read_recipe("ppo", task, **changes, env_kwargs=env)
     place = folder / f"{observer}-{noise}-{seed}"
-    policy = load(train(recipe, seed, place, device="cpu", threads=1))
+    policy = load_policy(train(recipe, seed, place, device="cpu", threads=1))
     judged = get_task(f"{task}:{HELD_OUT}").model_copy(
         update={"weights": recipe.rewarded().weights}
     )
@@ -54,7 +55,7 @@ def _trained_and_judged(
             "policy", f"{task}:{HELD_OUT}", "task", other, episodes,
             sensor_noise=NOISES[noise], task_model=judged,
         )  # fmt: skip
-        kpis, _ = run(setting, policy, first_seed=FIRST_SEED, threads=1)
+        kpis, _ = run_episodes(setting, policy, first_seed=FIRST_SEED, threads=1)
         found[other] = {name: kpis[name].tolist() for name in ("reward", *_SHOWN)}
     return found
 
@@ -206,7 +207,7 @@ def study(
         task: that is sailed.
         seeds: training seeds, from 1 on; at least 2.
         episodes: held-out episodes of each policy.
-        changes: of the packaged recipe, see :func:`shaftline.agents.learn.recipe.read_recipe`.
+        changes: of the packaged recipe, see :func:`shaftline.agents.learning.recipe.read_recipe`.
         jobs: see :func:`shaftline.core.sweep.sweep`.
         command: that makes the page, for its head.
 
@@ -244,7 +245,7 @@ PAGE = """# Observers as features of a learned policy
 
 Made by `{command}`.
 
-The same recipe (`agents/learn/recipes/ppo.yml`, task {task}), the same number of steps and {seeds}
+The same recipe (`agents/learning/recipes/ppo.yml`, task {task}), the same number of steps and {seeds}
 training seeds with each observer; each policy is judged on {episodes} held-out episodes with its own
 observer. Rewards are those of training: less negative is better. Interquartile means over seeds and
 episodes; intervals are 95 %, by bootstrap over the training seeds. *Share of the oracle's* is (this -

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ...mismatch.report import sentence
 from . import page
 from .runs import CONSTANTS, load_runs, splits, table_of
 
@@ -24,7 +23,7 @@ def main() -> None:
     table = table_of(found)
     page.write(options.out, table, found, runs)
     for one in found[CONSTANTS]:
-        print(f"{one.unseen} unseen: {sentence(one.diagnosis)}")
+        print(f"{one.unseen} unseen: {one.diagnosis.sentence}")
     print(f"page: {options.out / 'rov-thruster.md'}")
 
 

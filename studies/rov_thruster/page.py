@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from ...display import figures
 from ...display.tables import markdown, write_table
-from ...mismatch.diagnosis import Diagnosis
-from ...mismatch.report import sentence
+from ...mismatch import Diagnosis
 from ...mismatch.search.selection import TELL_APART
 from .runs import (
     AS_RECORDED,
@@ -18,7 +17,7 @@ from .runs import (
     OWNERS_DEAD_ZONE_V,
     REFERENCES,
     SPEED,
-    TOLERANCE,
+    TOLERANCE_FACTOR,
     WHOLE,
     WITH_THRUST,
     Runs,
@@ -43,7 +42,7 @@ both directions. Their file also has a dead zone of the drive, 0.83 V astern and
 ship file leaves it out, so what the tool finds can be held against it. A second start has it
 ({OWNERS_DEAD_ZONE_V:g} V): their whole model, the harder test.
 
-**Tolerances.** {TOLERANCE:g} times the usual: the constants are a start, not the truth.
+**Tolerances.** {TOLERANCE_FACTOR:g} times the usual: the constants are a start, not the truth.
 
 **Channels.** The motor balance needs the speed alone. The torque is noise and is not used. The
 thrust's zero drifts by 2 N from run to run and its frame rings; it is used in the last start only.
@@ -109,7 +108,7 @@ def _errors(table: pd.DataFrame) -> str:
 
 def _said(one: Split) -> str:
     diagnosis = one.diagnosis
-    lines = [f"- **{one.unseen} unseen: {diagnosis.verdict}.** {sentence(diagnosis)}"]
+    lines = [f"- **{one.unseen} unseen: {diagnosis.verdict}.** {diagnosis.sentence}"]
     for f in diagnosis.findings:
         rivals = ", ".join(c.effect.label for c in f.rivals)
         told = f"; cannot be told from {rivals}" if rivals else ""
@@ -136,8 +135,9 @@ def loss_as_voltage(diagnosis: Diagnosis) -> tuple[float, float, float]:
     motor = diagnosis.ship.record()
     ohm_per_constant = float(motor["armature_resistance"] / motor["motor_constant"])
     factor = 1.0 if f.effect.id == "command-dead-zone" else ohm_per_constant
-    low, high = f.intervals[0]
-    return f.placed.values[0] * factor, float(low) * factor, float(high) * factor
+    loss = f.estimates[0]
+    low, high = loss.ci95
+    return loss.value * factor, low * factor, high * factor
 
 
 def _voltage(diagnosis: Diagnosis) -> str:

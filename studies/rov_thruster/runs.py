@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...mismatch.diagnosis import Diagnosis, diagnose, fit_percent
+from ...mismatch import Diagnosis, Options, diagnose, fit_percent
 from ...plant import Ship, load_ship
 from ...plant.columns import TIME, input_columns
 from ...plant.recording import read_recording
@@ -33,7 +33,7 @@ WITH_THRUST = "owners' constants, thrust read too"
 OWNERS_DEAD_ZONE_V = 0.845
 """Mean of the dead zone in the owners' own file, 0.83 V astern and 0.86 V ahead."""
 
-TOLERANCE = 8.0
+TOLERANCE_FACTOR = 8.0
 """Factor on the usual tolerances: the owners' constants are a start, not the truth."""
 
 BEFORE_S, AFTER_S = 0.08, 0.2
@@ -166,7 +166,9 @@ def split(
             kept = table[[*input_columns(nominal), *channels]]
             shown.append([kept] if reversals else without_reversals(kept))
     pieces = [piece for run in shown for piece in run]
-    found = diagnose(nominal, *pieces, held_out_runs=len(shown[-1]), tolerance=TOLERANCE)
+    last = len(pieces) - len(shown[-1])
+    options = Options(tolerance=TOLERANCE_FACTOR)
+    found = diagnose(nominal, *pieces[:last], hold_out=pieces[last:], options=options)
     results = tuple(
         judged(nominal, found.corrected, run, table)
         for run, table in runs.items()

@@ -8,10 +8,10 @@ import control
 import numpy as np
 import pandas as pd
 
-from ...observers.base import torque_slopes
 from ...observers.immersion_invariance import ImmersionInvariance
 from ...observers.linear import shaft_model
 from ...observers.shaft_kalman import ShaftKalman
+from ...observers.torque_curve import torque_slopes
 from ...plant import Ship, equilibrium, linearise, load_ship
 from ..side_by_side import published
 

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from ...observers.base import ESTIMATE
-from ...observers.metrics import variance_accounted_for
-from ...observers.registry import _follow, get_observer, readings_of
+from ...observers import follow_record, get_observer, readings_of, variance_accounted_for
 from ...plant import Ship, load_ship
 from ..side_by_side import compare, published
 from .load_cases import CASES
@@ -63,10 +60,7 @@ def _vaf_with_belief(
     record = get_observer(observer).discretise(believed, dt)
     record["ship"]["kq"] *= curve
     record["ship"]["kt"] *= curve
-    estimate = np.empty(len(readings))
-    valid = np.empty(len(readings), dtype=np.bool_)
-    _follow(record, np.zeros(1, ESTIMATE)[0], readings, estimate, valid)
-    return variance_accounted_for(truth, estimate)
+    return variance_accounted_for(truth, follow_record(record, readings)[0])
 
 
 def sensitivity_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:

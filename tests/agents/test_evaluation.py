@@ -6,15 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.agents.evaluate.evaluation import (
-    KPIS,
-    TRACE,
-    Setting,
-    evaluate,
-    interquartile_mean,
-    run,
-    with_interval,
-)
+from shaftline.agents import run_episodes
+from shaftline.agents.evaluation.episodes import TRACE, Setting
+from shaftline.agents.evaluation.kpis import KPIS
+from shaftline.agents.evaluation.statistics import interquartile_mean, with_interval
+from shaftline.agents.evaluation.sweeps import evaluate
 from shaftline.baselines.combinator import Combinator
 from shaftline.baselines.controller import OBSERVED
 from shaftline.envs import FrigateEnv
@@ -41,7 +37,7 @@ class Still:
 
 
 def test_kpis_are_those_of_the_single_environment() -> None:
-    kpis, trace = run(CELL, Still())
+    kpis, trace = run_episodes(CELL, Still())
     env = FrigateEnv(task="transit", sea="state-5", observer=CELL.observer, episode_s=20.0)
     seen, _ = env.reset(seed=0)
     order, fuel, torque, squares, reward = float(seen[0]), 0.0, [], [], 0.0
@@ -63,15 +59,15 @@ def test_kpis_are_those_of_the_single_environment() -> None:
 
 
 def test_equal_seeds_meet_equal_seas(combinator: Combinator) -> None:
-    _, still = run(CELL, Still())
-    _, steered = run(CELL, combinator)
+    _, still = run_episodes(CELL, Still())
+    _, steered = run_episodes(CELL, combinator)
     column = TRACE.index("speed_order")
     assert np.array_equal(still[:, column], steered[:, column])
 
 
 def test_same_setting_same_figures(combinator: Combinator) -> None:
-    first, _ = run(CELL, combinator)
-    second, _ = run(CELL, combinator)
+    first, _ = run_episodes(CELL, combinator)
+    second, _ = run_episodes(CELL, combinator)
     assert first.equals(second)
 
 
@@ -80,7 +76,9 @@ def test_a_stall_counts_once_and_ends_the_episode() -> None:
         def predict(self, observation: Any, *_: Any, **__: Any) -> tuple[Any, Any]:
             return np.tile(np.array([1.0, -1.0], np.float32), (len(observation), 1)), None
 
-    kpis, trace = run(Setting("off", "transit", "calm", "none", seeds=2, episode_s=200.0), Off())
+    kpis, trace = run_episodes(
+        Setting("off", "transit", "calm", "none", seeds=2, episode_s=200.0), Off()
+    )
     assert (kpis["failed"] == 1.0).all()
     assert len(trace) < 400
 
@@ -94,7 +92,8 @@ def test_finished_cells_are_not_sailed_again(tmp_path: Path, combinator: Combina
 
     other = Setting(**{**CELL.__dict__, "sea": "calm"})
     first = evaluate([CELL], make, tmp_path, jobs=1).table
-    both, traces = evaluate([CELL, other], make, tmp_path, jobs=1)
+    found = evaluate([CELL, other], make, tmp_path, jobs=1)
+    both, traces = found.table, found.traces
     assert made == [CELL, other]
     assert both.iloc[0]["fuel_kg_nmi"] == first.iloc[0]["fuel_kg_nmi"]
     assert [tuple(trace.columns) for trace in traces] == [TRACE, TRACE]

@@ -10,7 +10,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from shaftline.agents.evaluate.evaluation import Setting, _version, evaluate
+from shaftline.agents.evaluation.episodes import Setting
+from shaftline.agents.evaluation.sweeps import _version, evaluate
 from shaftline.baselines.combinator import Combinator
 
 CELLS = [

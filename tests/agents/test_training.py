@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from shaftline.agents import load
-from shaftline.agents.learn.recipe import RecipeError, read_recipe
-from shaftline.agents.learn.training import digest, train
+from shaftline.agents import load_policy
+from shaftline.agents.learning.recipe import RecipeError, read_recipe
+from shaftline.agents.learning.training import digest, train
 from shaftline.agents.policy.policy import trained
 
 from .tiny import SAC, interrupted_after_a_leg, recipe
@@ -47,14 +47,14 @@ def test_an_interruption_changes_nothing(whole: Any, tmp_path: Path, algorithm: 
     assert len(json.loads((tmp_path / "curve.json").read_text())) == 1
     resumed = train(recipe(algorithm), 3, tmp_path, device="cpu")
     assert checkpoints(resumed) == checkpoints(whole(algorithm))
-    before, after = (load(path).curve for path in (whole(algorithm), resumed))
+    before, after = (load_policy(path).curve for path in (whole(algorithm), resumed))
     assert before["reward"] == after["reward"]
     assert after["seconds"] == sorted(after["seconds"])
     assert len(list((tmp_path / "log").glob("progress-*.csv"))) == 2
 
 
 def test_legs_are_judged_and_one_is_kept(whole: Any) -> None:
-    policy = load(whole("ppo"))
+    policy = load_policy(whole("ppo"))
     assert policy.curve["steps"] == [64, 128]
     assert policy.about["leg"] in (1, 2)
     assert 0.0 < policy.curve["environment_share"][0] < 1.0
@@ -71,7 +71,7 @@ def test_a_finished_training_is_left_alone(whole: Any) -> None:
 
 
 def test_few_steps_are_few_legs(tmp_path: Path) -> None:
-    policy = load(train(recipe(n_timesteps=70, legs=10), 0, tmp_path, device="cpu"))
+    policy = load_policy(train(recipe(n_timesteps=70, legs=10), 0, tmp_path, device="cpu"))
     assert policy.curve["steps"] == [64]
 
 
@@ -147,5 +147,5 @@ def test_every_task_has_a_recipe(algorithm: str, task: str) -> None:
 @pytest.mark.parametrize("name", sorted(trained()))
 def test_packaged_policies_are_of_the_packaged_recipes(name: str) -> None:
     """Or the command on their cards would train something else."""
-    kept = load(name).about["recipe"]
+    kept = load_policy(name).about["recipe"]
     assert kept == read_recipe(kept["algorithm"], kept["task"]).model_dump(mode="json")

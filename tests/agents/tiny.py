@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from shaftline.agents.learn.recipe import Recipe
-from shaftline.agents.learn.training import train
+from shaftline.agents.learning.recipe import Recipe
+from shaftline.agents.learning.training import train
 
 PPO: dict[str, Any] = {
     "n_steps": 16, "batch_size": 32, "n_epochs": 2, "learning_rate": "lin_1e-3", "use_sde": True,

@@ -8,21 +8,13 @@ import numpy as np
 import pytest
 
 from shaftline.baselines.anti_spin import AntiSpin, AntiSpinTuning, check_gains
-from shaftline.baselines.anti_spin_kernel import gauge_jump, thrust_per_torque
 from shaftline.baselines.combinator import combinator_curve
 from shaftline.baselines.torque_loss import TorqueLossObserver
 from shaftline.baselines.ventilation_detection import (
-    DETECTION,
     VentilationDetector,
-    excess_inflow,
-    torque_ratio,
-    update_detection,
 )
-from shaftline.observers.base import model_torque
 from shaftline.plant import Ship, equilibrium, load_ship
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
-from shaftline.plant.dynamics import evaluate
-from shaftline.plant.open_water import open_water
 
 CRUISE = [8.0, 9.6, 1.2e5, 1.4, 19.0, 8.0, 7.6, 1.0]
 
@@ -125,76 +117,6 @@ def test_a_fixed_pitch_is_taken(frigate: Ship) -> None:
     controller = AntiSpin(fixed)
     assert np.all(np.diff(controller.curve.shaft_speed) > 0.0)
     assert controller.predict(CRUISE)[0][0] == 0.0
-
-
-def test_torque_ratio_compares_with_the_nominal_torque(frigate: Ship) -> None:
-    plant, detector = frigate.record(), VentilationDetector().discretise(0.5)
-    nominal = model_torque(plant, 0.95 * 8.0, 9.6, 1.4)
-    assert torque_ratio(detector, plant, nominal, 9.6, 1.4, 8.0) == pytest.approx(1.0)
-    assert torque_ratio(detector, plant, 0.4 * nominal, 9.6, 1.4, 8.0) == pytest.approx(
-        0.4, abs=1e-6
-    )
-    # blended away near standstill, and where the propeller idles
-    assert torque_ratio(detector, plant, 0.0, 0.1, 1.4, 0.0) > 0.99
-    assert torque_ratio(detector, plant, -1e4, 6.0, 1.0, 8.0) == 1.0
-
-
-def test_hysteresis_and_hold_time() -> None:
-    detector = VentilationDetector(on_below=0.6, off_above=0.8, hold_s=1.5).discretise(0.5)
-    detection = np.zeros(1, DETECTION)[0]
-    states = []
-    for ratio in (0.7, 0.59, 0.9, 0.9, 0.9, 0.7, 0.5, 0.7, 0.7, 0.7, 0.79, 0.81):
-        update_detection(detector, detection, ratio, 1.0)
-        states.append(int(detection["ventilating"]))
-    assert states == [0, 1, 1, 1, 0, 0, 1, 1, 1, 1, 1, 0]
-
-
-def test_the_seas_own_inflow_is_told_from_the_side_that_gains_torque() -> None:
-    rng = np.random.default_rng(3)
-    detection = np.zeros(1, DETECTION)[0]
-    detector = VentilationDetector(sea_margin=3.0).discretise(0.5)
-    waves = rng.normal(0.0, 0.6, 4000)
-    calls = []
-    for inflow in waves:
-        update_detection(detector, detection, 1.0 - 0.5 * inflow, inflow)
-        calls.append(int(detection["ventilating"]))
-    assert detection["sea_square"] == pytest.approx(0.36, rel=0.25)
-    # the paper's threshold alone would call at every inflow above 0.7 m/s, an eighth of all
-    assert np.mean(waves > 0.7) > 0.1
-    assert np.mean(calls) < 0.02
-    update_detection(detector, detection, 0.3, 2.4)  # more than such a sea can take
-    assert detection["ventilating"] == 1
-
-
-def test_inflow_that_explains_a_torque(frigate: Ship) -> None:
-    plant = frigate.record()
-    torque = model_torque(plant, 0.95 * 8.0 + 0.7, 9.6, 1.4)
-    assert excess_inflow(plant, torque, 9.6, 1.4, 8.0) == pytest.approx(0.7)
-    assert excess_inflow(plant, torque, 0.0, 1.4, 8.0) == 0.0
-
-
-def test_gauge_jumps_with_the_fuel_as_the_plant_says(frigate: Ship) -> None:
-    plant = frigate.record()
-    start = equilibrium(frigate, 20.0, 1.4)
-    readings = [
-        evaluate(plant, start.state, start.inputs._replace(drive=rack), 1.4, False)[1].shaft_torque
-        for rack in (20.0, 26.0)
-    ]
-    engine_speed = float(plant["gear_ratio"]) * start.state.shaft_speed
-    jump = gauge_jump(plant, engine_speed, 20.0, 26.0)
-    assert jump == pytest.approx(readings[1] - readings[0])
-
-
-def test_thrust_per_torque_is_the_propellers(controller: AntiSpin, frigate: Ship) -> None:
-    plant = frigate.record()
-    for j in (0.2, 0.7, 1.1):
-        torque = model_torque(plant, j * 4.2 * 10.0 / (2.0 * math.pi), 10.0, 1.4)
-        expected = open_water(plant["kt"], j, 1.4) / (4.2 * open_water(plant["kq"], j, 1.4))
-        found = thrust_per_torque(controller.settings, torque, 10.0, 1.4)
-        assert found == pytest.approx(expected)
-    # held at the end of the working range, however little torque is left
-    ends = [thrust_per_torque(controller.settings, torque, 10.0, 1.4) for torque in (1e3, -1e5)]
-    assert ends[0] == ends[1] > 0.0
 
 
 # predict

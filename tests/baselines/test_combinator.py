@@ -3,7 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.baselines.combinator import Combinator, combinator_curve, curve_through, full_pitch
+from shaftline.baselines.combinator import (
+    Combinator,
+    Curve,
+    combinator_curve,
+    curve_through,
+    full_pitch,
+)
+from shaftline.baselines.governor import Governor
 from shaftline.baselines.steady_points import steady_point
 from shaftline.plant import Ship, ShipError, load_ship
 
@@ -26,6 +33,92 @@ def test_curve_is_the_standard_one(ship: Ship) -> None:
         for n, p in zip(curve.shaft_speed, curve.pitch_ratio, strict=True)
     ]
     assert max(shares) == pytest.approx(0.97, abs=1e-4)
+
+
+@by_ship
+def test_points_of_the_curve_by_hand(ship: Ship) -> None:
+    curve = combinator_curve(ship)
+    lowest, highest = ship.shaft_speeds
+    floor, full = max(lowest, 0.5 * highest), full_pitch(ship)
+    assert curve.lever == pytest.approx(np.linspace(0.0, 1.0, 41))
+    low = ship.propeller.pitch_ratio_min  # both above 0.1
+    # levers 0, 0.225, 0.45, 0.725, 1
+    points = [0, 9, 18, 29, 40]
+    assert curve.pitch_ratio[points] == pytest.approx([low, 0.5 * (low + full), full, full, full])
+    middle = 0.5 * (floor + highest)
+    assert curve.shaft_speed[points] == pytest.approx([floor, floor, floor, middle, highest])
+    for i in points:
+        steady = steady_point(ship, curve.shaft_speed[i], curve.pitch_ratio[i])
+        assert (curve.ship_speed[i], curve.thrust[i]) == (steady.ship_speed, steady.thrust)
+
+
+def test_the_floor_is_never_below_the_engines_lowest_speed() -> None:
+    ferry = SHIPS[1]
+    lowest, highest = ferry.shaft_speeds
+    assert combinator_curve(ferry, floor_share=0.0).shaft_speed[0] == lowest
+    assert combinator_curve(ferry, floor_share=0.6).shaft_speed[0] == pytest.approx(0.6 * highest)
+    early = combinator_curve(ferry, full_pitch_lever=0.25)
+    assert early.pitch_ratio[10] == pytest.approx(full_pitch(ferry))
+    assert early.pitch_ratio[9] < full_pitch(ferry) - 0.01
+
+
+def test_a_pitch_of_little_drive_is_left_out() -> None:
+    wide = SHIPS[1].with_values({"propeller.pitch_ratio_min": -0.4})
+    assert combinator_curve(wide).pitch_ratio[0] == pytest.approx(0.1)
+
+
+def test_a_fixed_pitch_leaves_the_shaft_speed_to_the_lever() -> None:
+    fixed = SHIPS[1].with_values(
+        {"propeller.pitch_ratio_min": 0.6, "propeller.pitch_ratio_max": 0.6}
+    )
+    curve = combinator_curve(fixed)
+    floor, highest = curve.shaft_speed[0], fixed.shaft_speeds[1]
+    assert np.all(curve.pitch_ratio == 0.6)
+    assert curve.shaft_speed == pytest.approx(np.linspace(floor, highest, 41))
+
+
+def test_full_pitch_takes_its_share_of_the_torque() -> None:
+    frigate, ferry = SHIPS
+    top = ferry.shaft_speeds[1]
+    for share in (0.97, 0.6):
+        assert steady_point(ferry, top, full_pitch(ferry, share)).torque_share == pytest.approx(
+            share, abs=1e-4
+        )
+    strong = frigate.with_values(
+        {"prime_mover.torque_limit_N_m": 1e6, "prime_mover.torque_limit_slope_N_m_s_rad": 1e5}
+    )
+    assert full_pitch(strong) == 1.4
+    weak = ferry.with_values({"propeller.pitch_ratio_min": 1.1})
+    with pytest.raises(ValueError, match="ferry: even the lowest pitch overloads the engine"):
+        full_pitch(weak)
+
+
+def test_set_points_are_interpolated_and_held_at_the_ends() -> None:
+    curve = Curve(*(np.array(x) for x in ([0, 1], [0.5, 0.9], [4.0, 8.0], [2.0, 6.0], [1e3, 9e3])))
+    found = curve.at(np.array([1.0, 2.0, 3.0, 6.0, 99.0]))
+    assert found.pitch_ratio == pytest.approx([0.5, 0.5, 0.6, 0.9, 0.9])
+    assert found.shaft_speed == pytest.approx([4.0, 4.0, 5.0, 8.0, 8.0])
+    assert found.thrust == pytest.approx([1e3, 1e3, 3e3, 9e3, 9e3])
+
+
+def test_commands_are_the_curves_pitch_and_the_governors_rack() -> None:
+    frigate = SHIPS[0]
+    combinator = Combinator(frigate, 0.25, response_s=3.0)
+    middle = float(np.interp(0.5, combinator.curve.lever, combinator.curve.pitch_ratio))
+    governor = Governor(frigate, 0.25, 3.0, middle)
+    rows = [[8.0, 9.0, 1e5, 1.2, 15.0, 7.0, 6.6, 1.0], [9.0, 9.2, 1e5, 1.2, 14.0, 7.0, 6.6, 1.0]]
+    action, memory = combinator.predict(rows[0])
+    pitch, speed = (float(x) for x in combinator.set_points(8.0))
+    assert action[0] == pytest.approx(2.0 * (pitch - 0.6) / 0.8 - 1.0, abs=1e-6)
+    settled = governor.settle([9.0], [15.0], [speed])
+    rack, integral = governor.command([speed], [9.0], settled)
+    assert rack[0] == pytest.approx(15.0)  # without a bump
+    assert action[1] == pytest.approx(rack[0] / 20.0 - 1.0, abs=1e-6)
+    assert memory[0, 0] == integral[0]
+    action, memory = combinator.predict(rows[1], memory)
+    rack, integral = governor.command(combinator.set_points([9.0])[1], [9.2], integral)
+    assert action[1] == pytest.approx(rack[0] / 20.0 - 1.0, abs=1e-6)
+    assert memory[0, 0] == integral[0]
 
 
 @by_ship
@@ -68,7 +161,11 @@ def test_bad_curves_are_refused() -> None:
     ferry = SHIPS[1]
     with pytest.raises(ValueError, match="must rise"):
         curve_through(ferry, [0, 1], [0.8, 0.5], [50.0, 40.0])
-    with pytest.raises(ValueError, match="out of range"):
-        combinator_curve(ferry, full_pitch_lever=1.0)
+    with pytest.raises(ValueError, match="must rise"):
+        curve_through(ferry, [0, 0], [0.5, 0.8], [40.0, 50.0])
+    for wrong in ({"full_pitch_lever": 1.0}, {"full_pitch_lever": 0.0}, {"floor_share": 1.0},
+                  {"floor_share": -0.1}):  # fmt: skip
+        with pytest.raises(ValueError, match="out of range"):
+            combinator_curve(ferry, **wrong)
     with pytest.raises(ShipError, match="diesel"):
         full_pitch(load_ship("tito-neri-sine"))

@@ -1,76 +1,22 @@
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 import pytest
 
 from shaftline.baselines.combinator import Combinator
-from shaftline.baselines.combinator_surface import combinator_surface, look_up
+from shaftline.baselines.combinator_surface import Setting, look_up
 from shaftline.baselines.controller import readings
-from shaftline.baselines.cpp_optimiser import CppOptimiser
-from shaftline.baselines.open_water_fit import fit_open_water, surface, surface_slope
-from shaftline.baselines.working_point import slack, working
-from shaftline.plant import Ship, ShipError, load_ship
-from shaftline.plant.open_water import open_water, open_water_slope
+from shaftline.baselines.cpp_optimiser import ADVANCE, INTEGRAL, THRUST, TRIM, TRUST, CppOptimiser
+from shaftline.plant import Ship, load_ship
 
 from .voyage import sail
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
 LONG = {"frigate": 1500.0, "ferry": 500.0}  # s; until the ship's speed has settled
 by_ship = pytest.mark.parametrize("ship", SHIPS, ids=lambda ship: ship.name)
-
-
-@by_ship
-def test_surfaces_fit_within_the_papers_error(ship: Ship) -> None:
-    fit, plant = fit_open_water(ship), ship.record()
-    assert max(fit.thrust_error, fit.torque_error) < 0.004
-    for j, p in ((0.1, 0.7), (0.5, 0.9), (0.83, 1.13)):  # off the grid that was fitted
-        assert surface(fit.thrust, j, p) == pytest.approx(open_water(plant["kt"], j, p), abs=2e-4)
-        assert surface(fit.torque, j, p) == pytest.approx(open_water(plant["kq"], j, p), abs=2e-5)
-        slope = surface_slope(fit.thrust, j, p)
-        assert slope == pytest.approx(open_water_slope(plant["kt"], j, p), abs=2e-3)
-
-
-def test_four_quadrant_curves_are_fitted_or_refused_by_name() -> None:
-    other = SHIPS[0].with_values({"propeller.model": "four-quadrant"})
-    with pytest.raises(ShipError, match=r"miss the curves by .* more than 0.4 %"):
-        fit_open_water(other)
-    fixed = SHIPS[0].with_values(
-        {"propeller.pitch_ratio_min": 1.2, "propeller.pitch_ratio_max": 1.2}
-    )
-    with pytest.raises(ShipError, match="controllable pitch"):
-        fit_open_water(fixed)
-
-
-@by_ship
-def test_nodes_keep_the_constraints_and_their_thrust(ship: Ship) -> None:
-    table, fit, plant = combinator_surface(ship), fit_open_water(ship), ship.record()
-    assert table.refined > 0.95
-    for i, velocity in enumerate(table.advance_velocity):
-        for k, share in enumerate(table.share):
-            thrust = table.least_thrust[i] + share * (table.most_thrust[i] - table.least_thrust[i])
-            w = working(
-                plant, fit.thrust, fit.torque, velocity,
-                table.shaft_speed[i, k], table.pitch_ratio[i, k],
-            )  # fmt: skip
-            assert slack(w) > -2e-3
-            assert w.thrust == pytest.approx(thrust, rel=0.03)
-
-
-@by_ship
-def test_no_setting_of_a_fine_search_burns_less(ship: Ship) -> None:
-    table, fit, plant = combinator_surface(ship), fit_open_water(ship), ship.record()
-    i, k = 9, 6
-    velocity = table.advance_velocity[i]
-    best = working(
-        plant, fit.thrust, fit.torque, velocity, table.shaft_speed[i, k], table.pitch_ratio[i, k]
-    )
-    for shaft_speed in np.linspace(0.6, 1.6, 400) * table.shaft_speed[i, k]:
-        for pitch in np.linspace(
-            ship.propeller.pitch_ratio_min, ship.propeller.pitch_ratio_max, 60
-        ):
-            w = working(plant, fit.thrust, fit.torque, velocity, shaft_speed, pitch)
-            if w.thrust >= best.thrust and slack(w) >= 0.0:
-                assert w.cost >= best.cost * (1 - 1e-3)
 
 
 @by_ship
@@ -118,17 +64,6 @@ def test_a_broken_estimate_leaves_no_trace() -> None:
     assert np.all(np.isfinite(state))
 
 
-def test_look_up_meets_its_nodes_and_orders_beyond_them() -> None:
-    table = combinator_surface(SHIPS[1])
-    thrust = 0.5 * (table.least_thrust[4] + table.most_thrust[4])
-    setting = look_up(table, np.array([thrust]), table.advance_velocity[4:5])
-    assert setting.shaft_speed[0] == pytest.approx(table.shaft_speed[4, 6])
-    assert setting.pitch_ratio[0] == pytest.approx(table.pitch_ratio[4, 6])
-    beyond = look_up(table, np.array([1e9, 1.0]), np.array([4.0, 4.0]))
-    assert beyond.thrust[0] < 1e5
-    assert list(beyond.reach) == [1.0, 0.0]
-
-
 def test_thrust_estimate_is_the_plants_thrust() -> None:
     for ship in SHIPS:
         optimiser = CppOptimiser(ship)
@@ -144,3 +79,135 @@ def test_thrust_estimate_is_the_plants_thrust() -> None:
             1,
         ]
         assert optimiser.thrust(readings(row))[0] == pytest.approx(steady.thrust, rel=1e-3)
+
+
+def test_thrust_estimate_is_held_where_the_fit_ends() -> None:
+    optimiser = CppOptimiser(SHIPS[1])
+
+    def thrust(advance: float, shaft_speed: float, pitch: float) -> float:
+        row = [5.0, shaft_speed, 900.0, pitch, 18.0, 4.8, advance, 1.0]
+        return float(optimiser.thrust(readings(row))[0])
+
+    n = 45.0 / (2.0 * math.pi)  # D = 1 m, pitch ratios 0.4 to 1.2
+    assert thrust(-1.0, 45.0, 0.8) == thrust(0.0, 45.0, 0.8) > thrust(0.1, 45.0, 0.8)
+    assert thrust(0.8 * n + 1.0, 45.0, 0.8) == pytest.approx(thrust(0.8 * n, 45.0, 0.8), rel=1e-9)
+    assert thrust(0.79 * n, 45.0, 0.8) != pytest.approx(thrust(0.8 * n, 45.0, 0.8), rel=1e-3)
+    assert thrust(2.0, 45.0, 1.5) == thrust(2.0, 45.0, 1.2)
+    assert thrust(2.0, 45.0, 0.1) == thrust(2.0, 45.0, 0.4)
+    slowest = 1e-3 * 2.0 * math.pi
+    assert thrust(0.0, 0.5 * slowest, 0.8) == thrust(0.0, slowest, 0.8) < thrust(0.0, 0.01, 0.8)
+
+
+def test_ordered_thrust_holds_the_speed_in_calm_water() -> None:
+    frigate = SHIPS[0]
+    optimiser = CppOptimiser(frigate)
+    found = optimiser.ordered_thrust(np.array([5.0, 9.0, -2.0]))
+    per_square = 3306.2 / (2.0 * (1.0 - 0.07))
+    assert found == pytest.approx([25.0 * per_square, 81.0 * per_square, 0.0])
+
+
+ROW = np.array([5.0, 45.0, 900.0, 0.8, 18.0, 4.8, 4.4, 1.0])
+
+
+def changed(**values: float) -> Any:
+    places = {"order": 0, "shaft_speed": 1, "rack": 4, "advance": 6, "valid": 7}
+    row = ROW.copy()
+    for name, value in values.items():
+        row[places[name]] = value
+    return row
+
+
+def remembered(optimiser: CppOptimiser, **columns: float) -> Any:
+    """A memory in mid-voyage."""
+    memory = np.array([[12.0, 4.0, 3000.0, 1.0, 0.5]])
+    places = {"integral": INTEGRAL, "advance": ADVANCE, "thrust": THRUST, "trim": TRIM,
+              "trust": TRUST}  # fmt: skip
+    for name, value in columns.items():
+        memory[0, places[name]] = value
+    return memory
+
+
+def test_filters_begin_at_what_they_hear_first_and_follow_slowly() -> None:
+    optimiser = CppOptimiser(SHIPS[1], 0.25)
+    _, first = optimiser.predict(ROW)
+    estimate = float(optimiser.thrust(readings(ROW))[0])
+    assert first[0, ADVANCE] == pytest.approx(4.4)
+    assert first[0, THRUST] == pytest.approx(estimate)
+    assert first[0, TRUST] == pytest.approx(1.0)
+    _, second = optimiser.predict(changed(advance=3.0), first)
+    keep = math.exp(-0.25 / 8.0)
+    later = float(optimiser.thrust(readings(changed(advance=3.0)))[0])
+    assert second[0, ADVANCE] == pytest.approx(keep * 4.4 + (1.0 - keep) * 3.0)
+    assert second[0, THRUST] == pytest.approx(keep * estimate + (1.0 - keep) * later)
+    _, blind = optimiser.predict(changed(advance=3.0, valid=0.0), first)
+    assert blind[0, [ADVANCE, THRUST]].tolist() == first[0, [ADVANCE, THRUST]].tolist()
+
+
+def test_trust_comes_and_goes_within_five_seconds() -> None:
+    optimiser = CppOptimiser(SHIPS[1], 0.25)
+    keep = math.exp(-0.25 / 5.0)
+    for valid in (1.0, 0.0):
+        _, after = optimiser.predict(changed(valid=valid), remembered(optimiser, trust=0.4))
+        assert after[0, TRUST] == pytest.approx(keep * 0.4 + (1.0 - keep) * valid)
+    _, after = optimiser.predict(changed(valid=0.0))
+    assert after[0, TRUST] == 0.0
+    # just above and below one half
+    for valid, trusted in ((0.51, 1.0), (0.5, 0.0)):
+        assert optimiser.predict(changed(valid=valid))[1][0, TRUST] == pytest.approx(trusted)
+
+
+def looked_up(optimiser: CppOptimiser, order: float, advance: float) -> Setting:
+    return look_up(optimiser.surface, optimiser.ordered_thrust(order), np.array([advance]))
+
+
+def test_trim_is_the_integral_of_the_thrust_error() -> None:
+    optimiser = CppOptimiser(SHIPS[1], 0.25)
+    _, after = optimiser.predict(ROW, remembered(optimiser))
+    setting = looked_up(optimiser, 5.0, after[0, ADVANCE])
+    assert setting.reach[0] == 1.0
+    error = (setting.thrust[0] - after[0, THRUST]) / setting.thrust[0]
+    assert 0.01 < abs(error) < 1.0
+    rate = 0.5 * setting.shaft_speed[0] * error / 20.0
+    assert after[0, TRIM] == pytest.approx(1.0 + 0.25 * rate)
+    # an error counts for no more than the whole thrust
+    _, after = optimiser.predict(ROW, remembered(optimiser, thrust=1e6))
+    setting = looked_up(optimiser, 5.0, after[0, ADVANCE])
+    assert after[0, TRIM] == pytest.approx(1.0 - 0.25 * 0.5 * setting.shaft_speed[0] / 20.0)
+    # it rests without a valid estimate
+    _, after = optimiser.predict(changed(valid=0.0), remembered(optimiser))
+    assert after[0, TRIM] == 1.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_trim_ends_at_a_fifth_of_the_highest_shaft_speed(side: float) -> None:
+    optimiser = CppOptimiser(SHIPS[1])
+    most = 0.2 * SHIPS[1].shaft_speeds[1]
+    thrust = 0.0 if side > 0.0 else 1e6
+    memory = remembered(optimiser, trim=side * 0.999 * most, thrust=thrust)
+    assert optimiser.predict(ROW, memory)[1][0, TRIM] == pytest.approx(side * most)
+
+
+@pytest.mark.parametrize("order", [5.0, 1.6])
+def test_set_points_go_over_from_one_to_the_other(order: float) -> None:
+    """By trust, and by the surface's reach where the order lies below it."""
+    ferry = SHIPS[1]
+    optimiser = CppOptimiser(ferry, 0.25)
+    row = changed(order=order, rack=14.0)
+    action, after = optimiser.predict(row, remembered(optimiser, trust=0.6, integral=math.nan))
+    setting = looked_up(optimiser, order, after[0, ADVANCE])
+    assert (setting.reach[0] == 1.0) == (order == 5.0)
+    share = after[0, TRUST] * setting.reach[0]
+    plain_pitch, plain_speed = optimiser.combinator.set_points(order)
+    pitch = share * setting.pitch_ratio[0] + (1.0 - share) * plain_pitch
+    speed = share * (setting.shaft_speed[0] + after[0, TRIM]) + (1.0 - share) * plain_speed
+    assert action[0] == pytest.approx((pitch - 0.4) / 0.4 - 1.0, abs=1e-6)
+    # the governor takes over without a bump, and goes on from its integral
+    governor = optimiser.combinator.governor
+    settled = governor.settle([45.0], [14.0], [speed])
+    rack, integral = governor.command([speed], [45.0], settled)
+    assert action[1] == pytest.approx(rack[0] / 16.0 - 1.0, abs=1e-6)
+    assert after[0, INTEGRAL] == pytest.approx(integral[0])
+    action, after = optimiser.predict(row, remembered(optimiser, trust=0.6))
+    rack, integral = governor.command([speed], [45.0], [12.0])
+    assert action[1] == pytest.approx(rack[0] / 16.0 - 1.0, abs=1e-6)
+    assert after[0, INTEGRAL] == pytest.approx(integral[0])

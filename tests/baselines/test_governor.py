@@ -1,14 +1,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from shaftline.baselines.governor import Governor, govern, highest_rack, tune
 from shaftline.baselines.steady_points import steady_point
-from shaftline.plant import Schedule, Ship, ShipError, equilibrium, load_ship, simulate
+from shaftline.plant import Ship, ShipError, equilibrium, load_ship
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
+from shaftline.plant.dynamics import evaluate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, prepare, step
@@ -66,24 +68,122 @@ def test_response_has_the_ordered_time_constant(ship: Ship) -> None:
 
 
 @by_ship
-def test_limiter_keeps_inside_the_envelope(ship: Ship) -> None:
+def test_limiter_is_the_rack_at_the_envelope(ship: Ship) -> None:
     plant = ship.record()
     for share in (0.3, 0.5, 0.8, 1.0):
         speed = share * ship.shaft_speeds[1]
         engine_speed = float(plant["gear_ratio"]) * speed
         torque = rack_torque(plant, engine_speed, highest_rack(plant, speed))
-        assert torque <= torque_limit(plant, engine_speed) * (1 + 1e-12)
+        assert torque == pytest.approx(torque_limit(plant, engine_speed), rel=1e-12)
 
 
-def test_integral_rests_at_the_limits() -> None:
+def test_limiter_ends_at_the_stops() -> None:
     plant = SHIPS[0].record()
-    rack, integral = govern(plant, 14.0, 8.0, 20.0, 10.0, 1.0)
-    assert rack == highest_rack(plant, 8.0)
-    assert integral == 20.0
-    rack, integral = govern(plant, 5.0, 14.0, 3.0, 10.0, 1.0)
-    assert (rack, integral) == (0.0, 3.0)
-    rack, integral = govern(plant, 14.0, math.nan, 20.0, 10.0, 1.0)
-    assert (rack, integral) == (20.0, 20.0)
+    plant["drive_max"] = 20.0
+    assert highest_rack(plant, 13.0) == 20.0
+    plant["torque_limit_idle"] = -1e6
+    plant["drive_min"] = 1.0
+    assert highest_rack(plant, 6.0) == 1.0
+
+
+def test_inside_the_limits_it_is_a_pi() -> None:
+    plant = SHIPS[0].record()
+    rack, integral = govern(plant, 10.5, 10.0, 15.0, 4.0, 0.6)
+    assert integral == pytest.approx(15.0 + 0.6 * 0.5)
+    assert rack == pytest.approx(4.0 * 0.5 + 15.3)
+    rack, integral = govern(plant, 9.5, 10.0, 15.0, 4.0, 0.6)
+    assert (rack, integral) == pytest.approx((12.7, 14.7))
+
+
+def test_at_a_limit_the_integral_goes_only_back() -> None:
+    plant = SHIPS[0].record()
+    highest = highest_rack(plant, 8.0)
+    assert govern(plant, 14.0, 8.0, 20.0, 10.0, 1.0) == (highest, 20.0)
+    # above the limit and too fast: the integral may fall
+    rack, integral = govern(plant, 7.9, 8.0, 60.0, 1.0, 10.0)
+    assert (rack, integral) == (highest, pytest.approx(59.0))
+    assert govern(plant, 5.0, 14.0, 3.0, 10.0, 1.0) == (0.0, 3.0)
+    # below the end stop and too slow: it may rise
+    rack, integral = govern(plant, 14.1, 14.0, -60.0, 1.0, 10.0)
+    assert (rack, integral) == (0.0, pytest.approx(-59.0))
+
+
+@pytest.mark.parametrize(("held", "rack"), [(20.0, 20.0), (55.0, 40.0), (-3.0, 0.0)])
+def test_without_a_reading_the_integral_alone_acts(held: float, rack: float) -> None:
+    plant = SHIPS[0].record()
+    assert govern(plant, 14.0, math.nan, held, 10.0, 1.0) == (rack, held)
+
+
+@by_ship
+@pytest.mark.parametrize(("interval", "response"), [(0.5, 2.0), (0.1, 4.0)])
+def test_gains_cancel_the_shafts_pole_and_place_their_own(
+    ship: Ship, interval: float, response: float
+) -> None:
+    """(z - p)(z - 1) + g ((k_p + k_i) z - k_p) has the roots p and exp(-h / T)."""
+    plant, pitch = ship.record(), 0.9
+    gains = tune(ship, interval, response, pitch)
+    assert len(gains.shaft_speed) >= 4
+    for speed, kp, ki in zip(*gains, strict=True):
+        rack = steady_point(ship, float(speed), pitch).fuel_rack
+        start = equilibrium(ship, rack, pitch)
+
+        def acceleration(away: float, more: float, start: Any = start) -> float:
+            state = start.state._replace(shaft_speed=start.state.shaft_speed + away)
+            inputs = start.inputs._replace(drive=start.inputs.drive + more)
+            return float(evaluate(plant, state, inputs, pitch, False)[0].shaft_speed)
+
+        a = (acceleration(1e-4, 0.0) - acceleration(-1e-4, 0.0)) / 2e-4
+        b = (acceleration(0.0, 1e-3) - acceleration(0.0, -1e-3)) / 2e-3
+        p, q = math.exp(a * interval), math.exp(-interval / response)
+        g = b * (p - 1.0) / a
+        roots = np.roots([1.0, -p - 1.0 + g * (kp + ki), p - g * kp])
+        assert np.sort(roots) == pytest.approx(sorted((p, q)), rel=1e-5)
+
+
+def test_response_is_never_faster_than_the_interval_or_the_engine() -> None:
+    frigate = SHIPS[0]
+    slowest = tune(frigate, 0.5, 1.5)
+    assert tune(frigate, 0.5, 0.1).proportional == pytest.approx(slowest.proportional)
+    sluggish = frigate.with_values({"prime_mover.lag_s": 1.0, "prime_mover.dead_time_s": 0.5})
+    assert tune(sluggish, 0.5).integral == pytest.approx(tune(frigate, 0.5, 4.5).integral)
+    middle = tune(frigate, 0.5, pitch_ratio=1.0)  # of 0.6 to 1.4
+    assert np.array_equal(tune(frigate, 0.5), middle)
+    assert not np.array_equal(middle.proportional, tune(frigate, 0.5, pitch_ratio=0.9).proportional)
+
+
+def test_working_points_beyond_the_envelope_are_left_out() -> None:
+    frigate, ferry = SHIPS
+    for ship, pitch, count in ((ferry, 0.9, 4), (frigate, 0.9, 6)):
+        speeds = np.linspace(*ship.shaft_speeds, 6)
+        inside = [w for w in speeds if steady_point(ship, float(w), pitch).torque_share < 1.0]
+        assert len(inside) == count
+        assert tune(ship, 0.5, pitch_ratio=pitch).shaft_speed == pytest.approx(inside, rel=1e-6)
+    weak = frigate.with_values(
+        {"prime_mover.torque_limit_N_m": 100.0, "prime_mover.torque_limit_at_min_speed_N_m": 100.0}
+    )
+    with pytest.raises(ValueError, match=r"frigate: no steady state inside .* P/D 1\.4"):
+        tune(weak, 0.5, pitch_ratio=1.4)
+
+
+def test_a_bank_interpolates_its_gains_and_holds_orders_inside_the_engine() -> None:
+    governor = Governor(SHIPS[0])
+    lowest, highest = SHIPS[0].shaft_speeds
+    gains = governor.gains
+    speed = 0.25 * gains.shaft_speed[2] + 0.75 * gains.shaft_speed[3]
+    kp, ki = (0.25 * gain[2] + 0.75 * gain[3] for gain in gains[1:])
+    rack, integral = governor.command([speed + 0.1], [speed], [15.0])
+    assert integral[0] == pytest.approx(15.0 + ki * 0.1)
+    assert rack[0] == pytest.approx(kp * 0.1 + 15.0 + ki * 0.1)
+    for order, held in ((99.0, highest), (0.1, lowest)):
+        rack, integral = governor.command([order], [held - 0.05], [15.0])
+        same, _ = governor.command([held], [held - 0.05], [15.0])
+        assert rack == same
+    # settled: k_p e + I + k_i e is the rack, within the stops
+    settled = governor.settle([speed], [22.0], [speed + 0.3])
+    assert settled[0] == pytest.approx(22.0 - (kp + ki) * 0.3)
+    assert governor.settle([speed, speed], [39.0, 1.0], [speed - 2.0, speed + 2.0]).tolist() == [
+        40.0, 0.0,
+    ]  # fmt: skip
 
 
 def test_first_command_is_bumpless_and_batch_is_single() -> None:
@@ -101,16 +201,6 @@ def test_first_command_is_bumpless_and_batch_is_single() -> None:
 def test_bad_input_is_named() -> None:
     with pytest.raises(ShipError, match="needs a diesel"):
         Governor("tito-neri-sine")
-    with pytest.raises(ValueError, match="must be positive"):
-        tune(SHIPS[0], 0.0)
-
-
-def test_steady_point_is_where_a_simulation_ends() -> None:
-    ferry = SHIPS[1]
-    point = steady_point(ferry, 45.0, 0.8, 1.1)
-    begin = equilibrium(ferry, point.fuel_rack, 0.8)
-    schedule = Schedule(point.fuel_rack, 0.8, resistance_factor=1.1)
-    last = simulate(ferry, schedule, 400.0, initial=begin.state)[-1]
-    assert last["shaft_speed"] == pytest.approx(point.shaft_speed, rel=1e-6)
-    assert last["ship_speed"] == pytest.approx(point.ship_speed, rel=1e-6)
-    assert last["thrust"] == pytest.approx(point.thrust, rel=1e-6)
+    for interval, response in ((0.0, 2.0), (0.5, 0.0)):
+        with pytest.raises(ValueError, match="must be positive"):
+            tune(SHIPS[0], interval, response)

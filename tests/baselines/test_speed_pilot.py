@@ -8,10 +8,11 @@ import pytest
 
 from shaftline.baselines.combinator import Combinator, combinator_curve
 from shaftline.baselines.governor import highest_rack
-from shaftline.baselines.registry import ControllerError, make_controller
-from shaftline.baselines.speed_pilot import SpeedPilot
+from shaftline.baselines.speed_pilot import Settings, Slowed, SpeedPilot
+from shaftline.baselines.steady_points import steady_point
 from shaftline.envs import FrigateVectorEnv
 from shaftline.plant import Ship, ShipError, load_ship
+from shaftline.plant.drives.diesel import Diesel, rack_of_torque
 
 from .voyage import INTERVAL_S, sail
 
@@ -139,12 +140,141 @@ def test_episodes_begin_afresh_and_batches_equal_singles() -> None:
     assert np.all(np.abs(actions) < 1.0)
 
 
+@by_ship
+def test_what_gains_of_one_come_to(ship: Ship) -> None:
+    pilot, interval = SpeedPilot(ship, 0.25), 0.25
+    down = ship.transmission.gear_ratio * ship.transmission.efficiency
+    mover = ship.prime_mover
+    assert isinstance(mover, Diesel)
+    line = ship.transmission
+    inertia = line.inertia_engine_side_kg_m2 + line.inertia_propeller_side_kg_m2
+    per_torque = 1.0 / (mover.torque_per_rack_N_m_mm * down)
+    screw = ship.propeller
+    pitches = screw.pitch_ratio_max - screw.pitch_ratio_min
+    rested = Slowed(*(np.array([x]) for x in (0.0, 10.0, 1e3, 0.0)))
+    order = np.array([0.7 * top_speed(ship)])
+    nothing = Settings(0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def command(settings: Settings, shaft_speed: float, torque: float) -> Any:
+        low, high = ship.shaft_speeds
+        middle = 0.5 * (low + high)
+        slowed = rested._replace(shaft_speed=np.array([middle]))
+        found = pilot.command(order, np.array([middle + shaft_speed]), torque, slowed, settings)
+        return np.array([float(x[0]) for x in found])
+
+    still = command(nothing, 0.0, 1e3)
+    light = 0.01 * mover.torque_limit_N_m * down
+    # each gain by itself: how far pitch, rack and integral go from where they were
+    rack = command(nothing._replace(torque_gain=0.8), 0.0, 1e3 - light) - still
+    assert rack == pytest.approx([0.0, 0.8 * light * per_torque, 0.0], abs=1e-9)
+    rack = command(nothing._replace(shaft_gain=0.3), -0.05, 1e3) - still
+    assert rack == pytest.approx([0.0, 0.3 * inertia / interval * per_torque * 0.05, 0.0], abs=1e-9)
+    pitch = command(nothing._replace(pitch_gain=0.5), 0.0, 1e3 - light) - still
+    assert pitch == pytest.approx(
+        [0.5 * pitches / (mover.torque_limit_N_m * down) * light, 0.0, 0.0], abs=1e-12
+    )
+    assert command(nothing._replace(pitch_offset=0.1), 0.0, 1e3)[0] == pytest.approx(still[0] + 0.1)
+
+
+@by_ship
+def test_calm_commands_are_the_curves(ship: Ship) -> None:
+    pilot, curve = SpeedPilot(ship), combinator_curve(ship)
+    racks = [
+        steady_point(ship, float(n), float(p)).fuel_rack
+        for n, p in zip(curve.shaft_speed, curve.pitch_ratio, strict=True)
+    ]
+    middle = 0.5 * sum(ship.shaft_speeds)
+    for order in (curve.ship_speed[7], 0.3 * curve.ship_speed[20] + 0.7 * curve.ship_speed[21]):
+        slowed = Slowed(*(np.array([x]) for x in (0.1, middle, 1e3, 0.5)))
+        now = np.array([middle]), np.array([1e3])
+        pitch, rack, integral = pilot.command(np.array([order]), *now, slowed, Settings())
+        assert pitch[0] == pytest.approx(np.interp(order, curve.ship_speed, curve.pitch_ratio))
+        slope = (racks[-1] - racks[0]) / (curve.ship_speed[-1] - curve.ship_speed[0])
+        calm = np.interp(order, curve.ship_speed, racks)
+        assert rack[0] == pytest.approx(calm + 2.0 * slope * 0.1 + 0.5)  # speed_gain 2
+        hull = ship.hull
+        reset = hull.mass_kg / (2.0 * hull.resistance_coefficient_N_s2_m2 * curve.ship_speed.mean())
+        assert integral[0] == pytest.approx(0.5 + 2.0 * slope * 0.5 / reset * 0.1)
+    # an order beyond the curve is its end, an offset counts into the error
+    for order, offset, aim in ((99.0, 0.0, -1), (-3.0, 0.0, 0), (curve.ship_speed[-1], -0.1, None)):
+        slowed = Slowed(*(np.array([x]) for x in (0.0, middle, 1e3, 0.0)))
+        settings = Settings(speed_offset=offset)
+        pitch, _, integral = pilot.command(np.array([order]), *now, slowed, settings)
+        if aim is not None:
+            assert pitch[0] == curve.pitch_ratio[aim]
+            assert integral[0] == 0.0  # far away: it stands still
+        else:
+            assert integral[0] == pytest.approx(-2.0 * slope * 0.5 / reset * 0.1)
+
+
+@pytest.mark.parametrize(("error", "moves"), [(0.499, True), (0.501, False), (-0.501, False)])
+def test_integral_moves_while_the_error_is_below_half_a_metre_a_second(
+    error: float, moves: bool
+) -> None:
+    pilot = SpeedPilot("frigate")
+    slowed = Slowed(*(np.array([x]) for x in (error, 10.0, 1e5, 0.0)))
+    *_, integral = pilot.command(
+        np.array([8.0]), np.array([10.0]), np.array([1e5]), slowed, Settings()
+    )
+    assert (integral[0] != 0.0) == moves
+
+
+@by_ship
+def test_racks_end_at_the_envelope_and_at_the_engines_speeds(ship: Ship) -> None:
+    pilot, plant, (low, high) = SpeedPilot(ship), ship.record(), ship.shaft_speeds
+    line, mover = ship.transmission, ship.diesel
+    inertia = line.inertia_engine_side_kg_m2 + line.inertia_propeller_side_kg_m2
+    slope = 0.8 * inertia / 0.5 / (mover.torque_per_rack_N_m_mm * line.gear_ratio * line.efficiency)
+    unloaded = rack_of_torque(plant, line.gear_ratio * low, 0.0)
+
+    def limits(shaft_speed: float) -> tuple[float, float]:
+        ends = []
+        for integral in (-1e3, 1e3):
+            slowed = Slowed(*(np.array([x]) for x in (0.0, shaft_speed, 1e3, integral)))
+            now = np.array([shaft_speed]), np.array([1e3])
+            ends.append(float(pilot.command(np.array([4.0]), *now, slowed, Settings())[1][0]))
+        return ends[0], ends[1]
+
+    grid = np.linspace(0.5 * low, 1.2 * high, 101)  # exact at its points
+    for w in grid[[0, 5, 15, 40, 60, 80, 90, 100]]:
+        most = max(highest_rack(plant, float(w)) - slope * max(w - high, 0.0), 0.0)
+        least = min(max(unloaded + slope * (low - w), 0.0), most)
+        assert limits(float(w)) == pytest.approx((least, most), abs=1e-9)
+    assert limits(float(grid[0]))[0] > 0.0
+    assert limits(float(grid[90]))[1] < highest_rack(plant, float(grid[90])) - 0.1
+
+
+def test_readings_are_slowed_by_two_and_eight_seconds() -> None:
+    pilot = SpeedPilot("frigate", 0.25)
+    first, second = ROWS[0].copy(), ROWS[0].copy()
+    second[[1, 2, 5]] = 10.0, 1.2e5, 7.6
+    _, memory = pilot.predict(first)
+    assert memory[0, :3] == pytest.approx([0.2, 9.0, 1e5])
+    _, after = pilot.predict(second, memory)
+    keep = np.exp(-0.25 / np.array([2.0, 8.0, 8.0]))
+    assert after[0, :3] == pytest.approx(keep * [0.2, 9.0, 1e5] + (1.0 - keep) * [0.4, 10.0, 1.2e5])
+    lost = second.copy()
+    lost[2] = np.nan
+    _, held = pilot.predict(lost, memory)
+    assert held[0, 2] == pytest.approx(1e5)
+    assert held[0, 1] == after[0, 1]
+
+
+def test_predict_commands_what_its_settings_say() -> None:
+    pilot = SpeedPilot("frigate", speed_offset=0.1, pitch_offset=-0.05, torque_gain=0.4)
+    _, memory = pilot.predict(ROWS)
+    action, after = pilot.predict(ROWS, memory)
+    slowed = Slowed(*np.column_stack([after[:, :3], memory[:, 3]]).T)
+    pitch, rack, integral = pilot.command(
+        ROWS[:, 0], ROWS[:, 1], ROWS[:, 2], slowed, Settings(0.1, -0.05, 0.4)
+    )
+    assert action[:, 0] == pytest.approx((pitch - 0.6) / 0.4 - 1.0, abs=1e-6)
+    assert action[:, 1] == pytest.approx(rack / 20.0 - 1.0, abs=1e-6)
+    assert after[:, 3] == pytest.approx(integral)
+
+
 def test_what_does_not_fit_is_refused() -> None:
-    frigate = SHIPS[0]
-    pilot = make_controller("speed-pilot:speed_gain=3,torque_gain=0.5", frigate, 0.5)
-    assert isinstance(pilot, SpeedPilot)
-    assert pilot.settings.torque_gain == 0.5
-    with pytest.raises(ControllerError, match="foo"):
-        make_controller("speed-pilot:foo=1", frigate, 0.5)
+    with pytest.raises(TypeError, match="foo"):
+        SpeedPilot("frigate", foo=1.0)
     with pytest.raises(ShipError, match="needs a diesel"):
         SpeedPilot("tito-neri-sine")

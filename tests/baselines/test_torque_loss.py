@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from shaftline.baselines.torque_loss import (
     TORQUE_LOSS,
@@ -17,7 +18,8 @@ from shaftline.baselines.torque_loss import (
     update_torque_loss,
     update_torque_losses,
 )
-from shaftline.plant import Equilibrium, Schedule, Ship, simulate
+from shaftline.plant import Equilibrium, Schedule, Ship, load_ship, simulate
+from shaftline.plant.open_water import open_water
 
 INERTIA = 14411.0  # kg m2
 
@@ -104,6 +106,87 @@ def follow(ship: Ship, run: Any, every: int, first_loss: float = 0.0) -> tuple[A
             (estimate["torque_loss"], loss, estimated_propeller_torque(observer["ship"], estimate))
         )
     return np.array(rows).T, run[::every]
+
+
+ROUGH = load_ship("frigate").with_values(
+    {
+        "transmission.coulomb_friction_propeller_side_N_m": 5000.0,
+        "transmission.viscous_friction_propeller_side_N_m_s_rad": 400.0,
+        "propeller.entrained_inertia_kg_m2": 1600.0,
+        "propeller.relative_rotative_efficiency": 0.98,
+    }
+)
+
+
+def test_record_has_the_gains_per_inertia_behind_the_gauge() -> None:
+    record = TorqueLossObserver(10.0, -20.0, 300.0).discretise(ROUGH, 0.25)
+    names = ("dt", "inertia", "speed_gain", "loss_gain", "time_constant")
+    inertia = 14411.0 + 1600.0
+    assert [record[name] for name in names] == [0.25, inertia, 10 * inertia, -20 * inertia, 300.0]
+    assert record["ship"] == ROUGH.record()
+    assert TorqueLossObserver() == TorqueLossObserver(12.0, -32.0, 500.0)
+    for dt in (0.0, -0.5, float("nan")):
+        with pytest.raises(ValueError, match="time step"):
+            TorqueLossObserver().discretise(ROUGH, dt)
+
+
+def test_bollard_torque_and_load_by_hand() -> None:
+    plant = ROUGH.record()
+    gain = open_water(plant["kq"], 0.0, 1.2) * 1025.0 * 4.2**5 / 0.98 / (2.0 * np.pi) ** 2
+    assert bollard_gain(plant, 1.2) == pytest.approx(gain)
+    for omega in (9.0, -9.0):
+        sign = np.sign(omega)
+        assert shaft_load(plant, 1.2, omega) == pytest.approx(sign * (gain * 81.0 + 5000.0))
+    estimate = np.zeros(1, TORQUE_LOSS)[0]
+    estimate["shaft_speed"], estimate["torque_loss"], estimate["pitch_reading"] = -3.0, 1e4, 1.2
+    assert estimated_propeller_torque(plant, estimate) == pytest.approx(1e4 - gain * 9.0)
+
+
+def test_first_sample_is_taken_as_steady() -> None:
+    observer = TorqueLossObserver().discretise(ROUGH, 0.25)
+    estimate = np.zeros(1, TORQUE_LOSS)[0]
+    update_torque_loss(observer, estimate, 9.0, 1.5e5, 1.2)
+    loss = 1.5e5 - shaft_load(ROUGH.record(), 1.2, 9.0) - 400.0 * 9.0
+    assert estimate["shaft_speed"] == 9.0
+    assert estimate["torque_loss"] == pytest.approx(loss)
+    names = ("started", "speed_reading", "torque_reading", "pitch_reading")
+    assert [estimate[name] for name in names] == [1, 9.0, 1.5e5, 1.2]
+
+
+def test_estimates_follow_the_papers_equations() -> None:
+    """Eqs. 8 and 9 between samples joined by straight lines; the error falls with the step's square."""
+    plant, tuning = ROUGH.record(), TorqueLossObserver(12.0, -32.0, 50.0)
+    inertia = 14411.0 + 1600.0
+
+    def readings(t: Any) -> Any:
+        return (
+            9.0 + 0.5 * np.sin(1.3 * t),
+            1.5e5 + 3e4 * np.sin(1.7 * t),
+            1.2 + 0.1 * np.sin(0.9 * t),
+        )
+
+    def rate(t: float, x: Any) -> Any:
+        omega, torque, pitch = readings(t)
+        error = omega - x[0]
+        load = (
+            bollard_gain(plant, pitch) * abs(x[0]) * x[0] + 5000.0 * np.sign(omega) + 400.0 * x[0]
+        )
+        speed = (torque - load - x[1]) / inertia + 12.0 * error
+        return [speed, -x[1] / 50.0 - 32.0 * inertia * error]
+
+    errors = []
+    for dt in (0.02, 0.01):
+        t = np.arange(0.0, 4.0, dt)
+        observer, estimate = tuning.discretise(ROUGH, dt), np.zeros(1, TORQUE_LOSS)[0]
+        found = []
+        for row in zip(*readings(t), strict=True):
+            update_torque_loss(observer, estimate, *row)
+            found.append((estimate["shaft_speed"], estimate["torque_loss"]))
+        exact = solve_ivp(rate, (0.0, t[-1]), found[0], "Radau", t_eval=t, rtol=1e-9, atol=1e-6).y.T
+        assert np.ptp(exact, axis=0) == pytest.approx([0.9, 9e4], rel=0.5)
+        errors.append(np.abs(np.array(found) - exact).max(axis=0) / np.ptp(exact, axis=0))
+    assert np.all(errors[1] < 1e-3)
+    assert np.all(errors[1] < 0.3 * errors[0])
 
 
 @pytest.mark.parametrize("every", [1, 10])

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.search.catalogue import catalogue
+from shaftline.mismatch import catalogue
 from shaftline.plant import equilibrium, load_ship
 from shaftline.studies.thesis.load_cases import CASES
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.results import PAGE, REPORT, SHIP
+from shaftline.mismatch.diagnosis import PAGE, REPORT, SHIP
 from shaftline.plant import equilibrium, load_ship
 from shaftline.plant.replay import simulate_recording
 
@@ -30,7 +30,7 @@ WRITTEN = {PAGE, REPORT, SHIP}
 def _plain_page(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures take time and have tests of their own."""
     page = SimpleNamespace(report_html=lambda diagnosis: f"<p>{diagnosis.verdict}</p>")
-    monkeypatch.setitem(sys.modules, "shaftline.mismatch.html", page)
+    monkeypatch.setitem(sys.modules, "shaftline.mismatch.report.html", page)
 
 
 def trial(seconds: float = 300.0, seed: int = 0, **values: float) -> pd.DataFrame:

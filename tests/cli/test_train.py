@@ -86,7 +86,7 @@ def test_interrupted_says_so(
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("shaftline.agents.learn.training.train", stopped)
+    monkeypatch.setattr("shaftline.agents.learning.training.train", stopped)
     result = shaftline("train", "--recipe", recipe, "--out", tmp_path / "out")
     assert result.exit_code == 130
     assert "the same command goes on" in result.output
@@ -95,10 +95,10 @@ def test_interrupted_says_so(
 def test_without_the_extra(
     shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import_module("shaftline.agents.learn.training")  # so that there is something to take away
+    import_module("shaftline.agents.learning.training")  # so that there is something to take away
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    monkeypatch.delattr("shaftline.agents.learn.training")
-    monkeypatch.delitem(sys.modules, "shaftline.agents.learn.training")
+    monkeypatch.delattr("shaftline.agents.learning.training")
+    monkeypatch.delitem(sys.modules, "shaftline.agents.learning.training")
     refused(
         shaftline("train", "--out", tmp_path / "out"),
         "stable_baselines3", "pip install 'shaftline[train]'",

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from shaftline.mismatch.diagnosis import Diagnosis
+from shaftline.mismatch import Diagnosis, Estimate
 from shaftline.mismatch.judge.findings import Detectable, Finding
 from shaftline.mismatch.judge.shapes import Shape
 from shaftline.mismatch.judge.whiteness import Colour
@@ -49,10 +49,10 @@ def ranked() -> list[tuple[Candidate, float]]:
 
 
 def friction(ship: Ship, trace: Any) -> dict[str, Any]:
-    placed = Placed(entry("coulomb-friction (engine)"), (8000.0,))
     finding = Finding(
-        placed, ((6950.0, 9050.0),), 347.0, 10.5, (ranked()[1][0],), trace, 1, [(60.0, 120.0)],
-        "shaft_speed above 11 rad/s",
+        entry("coulomb-friction (engine)"),
+        (Estimate.of(ship, FRICTION, 8000.0, 1050.0 / 1.96),),
+        347.0, 10.5, (ranked()[1][0],), trace, 1, [(60.0, 120.0)], "shaft_speed above 11 rad/s",
     )  # fmt: skip
     corrected = ship.with_values({FRICTION: 8000.0})
     return {"verdict": "explained", "findings": [finding], "corrected": corrected}

@@ -14,6 +14,7 @@ from shaftline.plant.dynamics import evaluate, loads, settled
 from shaftline.plant.open_water import PITCH_POWERS, b_series
 from shaftline.plant.propeller import propeller_load
 from shaftline.plant.state import LAGS, Inputs, State
+from shaftline.plant.terms import SIGNALS
 
 GEAR, EFFICIENCY = 7.38, 0.95
 LEFT, RIGHT, MASS = 53697.0, 14411.0, 3.3e6
@@ -103,7 +104,7 @@ def test_loads_with_every_effect_by_hand(busy: Any) -> None:
     assert found.load_torque == pytest.approx(load.torque / 1.05 + 3e3 + 2e3, rel=1e-14)
     assert found.push == pytest.approx(2 * 0.93 * load.thrust, rel=1e-14)
     assert found.resistance == pytest.approx(1.1 * 1.2 * 3306.2 * water**2, rel=1e-14)
-    assert (found.motor_current_rate, found.lacking_pitch_rate) == (0.0, 0.0)
+    assert (found.motor_current_rate, found.added_pitch_rate) == (0.0, 0.0)
 
 
 def test_prompt_inflow_is_met_at_once(busy: Any) -> None:
@@ -113,6 +114,52 @@ def test_prompt_inflow_is_met_at_once(busy: Any) -> None:
     expected = (1.0 - 0.05 - 0.01 * 2.5) * 7.5 + 0.3 + 0.6
     assert found.advance_velocity == pytest.approx(expected, rel=1e-14)
     assert found.inflow_rate == 0.0
+
+
+@pytest.mark.parametrize(
+    ("acts_on", "name", "factor"),
+    [
+        ("inflow_velocity", "advance_velocity", 1.0),
+        ("drive", "brake_torque", 1428.6),
+        ("thrust", "thrust", 1.0),
+        ("thrust", "push", 1.86),
+        ("drive_torque", "drive_torque", 1.0),
+        ("load_torque", "load_torque", 1.0),
+        ("resistance", "resistance", 1.0),
+        ("pitch_rate", "added_pitch_rate", 1.0),
+    ],
+)
+def test_a_term_adds_to_its_place(frigate: Ship, acts_on: str, name: str, factor: float) -> None:
+    """All that it hears, weighed so that each counts."""
+    weighed = zip((3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0), SIGNALS, strict=True)
+    expression = "1e-3 * (" + " + ".join(f"{w} * {signal}" for w, signal in weighed) + ")"
+    term = {"id": "one", "acts_on": acts_on, "expression": expression}
+    ship = frigate.with_values({"term": [term]})
+    inputs = Inputs(22.0, 1.3, 0.3, 0.02, 20.0, -1.5, 1.1, 7.0)
+    found, plain = (loads(s.record(), STATE, inputs, 1.2) for s in (ship, frigate))
+    heard = (10.0, 8.0, 1.2, 1.3, 22.0, 0.95 * 8.0 + 0.3 + 0.6, 2.5, 7.0)
+    expected = 1e-3 * np.dot(heard, (3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0))
+    added = getattr(found, name) - getattr(plain, name)
+    assert added == pytest.approx(factor * expected, rel=1e-6)
+    rates = [evaluate(s.record(), STATE, inputs, 1.2, False)[0] for s in (ship, frigate)]
+    turned = rates[0].pitch_ratio - rates[1].pitch_ratio
+    assert turned == pytest.approx(expected if acts_on == "pitch_rate" else 0.0, rel=1e-9)
+
+
+def test_what_is_unexplained_joins_a_term_of_the_pitch_rate(frigate: Ship) -> None:
+    shape = {
+        "balance": "pitch-actuator",
+        "signal": "time",
+        "knots": (0.0, 9.0),
+        "values": (0.1, 0.1),
+    }
+    term = {"id": "one", "acts_on": "pitch_rate", "expression": "0.2"}
+    inputs = Inputs(22.0, 1.2)
+    for values, rate in (({"term": [term]}, 0.2), ({"unexplained": shape}, 0.1),
+                         ({"unexplained": shape, "term": [term]}, 0.3)):  # fmt: skip
+        plant = frigate.with_values(values).record()
+        found, _ = evaluate(plant, STATE, inputs, 1.2, False)
+        assert found.pitch_ratio == pytest.approx(rate)
 
 
 def test_rates_follow_from_the_loads(busy: Any) -> None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import BaseModel, Field
 
 from shaftline.plant.keys import (
+    KeyInfo,
+    Number,
     Section,
     allowed_range,
     effect,
@@ -102,3 +105,11 @@ def test_the_first_key_that_is_left_out_is_named() -> None:
     require(Pair(a=0.0, b=0.0), ("a", "b"), "always")
     with pytest.raises(ValueError, match=r"^b is missing; it is required with a$"):
         require(Pair(a=1.0), ("a", "b", "c"), "with a")
+
+
+@pytest.mark.parametrize("place", [(), (1, 2)])
+def test_a_number_is_written_to_its_place_and_read_from_it(place: tuple[int, ...]) -> None:
+    record = {"length": np.zeros((2, 3)) if place else np.zeros(())}
+    number = Number("part.plain", 3.0, KeyInfo("m", 0.0, 15.0, None), "length", place)
+    number.write(record, 4.0)
+    assert number.read(record) == np.sum(record["length"]) == 4.0

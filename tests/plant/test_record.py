@@ -12,8 +12,8 @@ from shaftline.plant import Ship, load_ship, ship_names
 from shaftline.plant.hull import Hull
 from shaftline.plant.keys import record_field
 from shaftline.plant.record import PLANT, SECTIONS, record_of
-from shaftline.plant.ship import key_info
 from shaftline.plant.surroundings import Water
+from shaftline.plant.terms import RECORD_FIELDS
 
 FRIGATE, TUG = load_ship("frigate"), load_ship("tito-neri-sine")
 
@@ -37,13 +37,17 @@ def numbers(ship: Ship) -> list[str]:
 )
 def test_a_number_of_the_file_is_in_its_field(name: str, key: str) -> None:
     ship = load_ship(name)
-    field = record_field(ship.key(key))
-    low, high = key_info(key, ship)[1:3]
-    before = float(ship.record()[field])
+    number = ship.number(key)
+    low, high = number.info[1:3]
+    before = number.read(ship.record())
+    assert before == number.value
     value = 1.01 * before if before and math.isfinite(before) else 0.01 * min(high, 100.0)
     value = value if value < high else 0.99 * before
     assert low <= value <= high
-    assert ship.with_values({key: value}).record()[field] == value != before
+    assert ship.with_values({key: value}).record()[number.field] == value != before
+    record = ship.record()
+    number.write(record, value)
+    assert number.read(record) == value
 
 
 def test_no_two_numbers_share_a_field() -> None:
@@ -57,7 +61,7 @@ def test_no_two_numbers_share_a_field() -> None:
 
 
 def test_the_record_has_a_field_for_each_number_and_what_is_derived() -> None:
-    expected = {"drive_min", "prime_mover"}
+    expected = {"drive_min", "prime_mover", *(field[0] for field in RECORD_FIELDS)}
     for section in SECTIONS:
         fields = [record_field(info) for info in section.model_fields.values()]
         expected |= {field for field in fields if field is not None}

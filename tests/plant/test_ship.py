@@ -9,7 +9,6 @@ import pytest
 
 from shaftline.plant import Ship, ShipError, load_ship
 from shaftline.plant.memory import HISTORY
-from shaftline.plant.ship import key_info, record_name
 
 TUG = load_ship("tito-neri-sine")
 
@@ -55,11 +54,10 @@ def test_running_speeds_are_those_of_the_propeller_shaft(frigate: Ship) -> None:
         _ = TUG.shaft_speeds
 
 
-def test_a_value_stands_at_its_key(frigate: Ship) -> None:
-    assert frigate.value("hull.mass_kg") == 3.3e6
-    assert frigate.value("prime_mover.rack_max_mm") == 40.0
-    with pytest.raises(ShipError, match=r"hull\.colour is not a known key"):
-        frigate.value("hull.colour")
+def test_a_number_stands_at_its_key(frigate: Ship) -> None:
+    number = frigate.number("hull.mass_kg")
+    assert (number.key, number.value, number.place) == ("hull.mass_kg", 3.3e6, ())
+    assert frigate.number("prime_mover.rack_max_mm").value == 40.0
 
 
 def test_a_ship_knows_its_keys(frigate: Ship) -> None:
@@ -122,17 +120,17 @@ def test_with_values_validates(frigate: Ship, values: dict[str, float], words: s
 def test_key_has_a_field_and_a_range(
     frigate: Ship, key: str, field: str, info: tuple[object, ...]
 ) -> None:
-    assert record_name(key, frigate) == field
-    assert key_info(key, frigate) == info
+    assert frigate.number(key).field == field
+    assert frigate.number(key).info == info
 
 
 def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
     tug = load_ship("tito-neri-sine")
-    assert record_name("prime_mover.command_dead_zone_V", tug) == "command_dead_zone"
+    assert tug.number("prime_mover.command_dead_zone_V").field == "command_dead_zone"
     with pytest.raises(
         ShipError, match=r"frigate: prime_mover\.command_dead_zone_V is not a known"
     ):
-        record_name("prime_mover.command_dead_zone_V", frigate)
+        frigate.number("prime_mover.command_dead_zone_V")
 
 
 @pytest.mark.parametrize(
@@ -149,7 +147,7 @@ def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
 )
 def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
     with pytest.raises(ShipError, match=f"{key} is not a known key"):
-        key_info(key, frigate)
+        frigate.number(key)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +156,7 @@ def test_unknown_key_is_named(frigate: Ship, key: str) -> None:
 )
 def test_key_without_a_field_of_its_own_is_named(frigate: Ship, key: str) -> None:
     with pytest.raises(ShipError, match=f"{key} has no field of its own"):
-        record_name(key, frigate)
+        frigate.number(key)
 
 
 def test_ship_is_frozen(frigate: Ship) -> None:

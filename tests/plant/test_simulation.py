@@ -23,7 +23,6 @@ from shaftline.plant import (
     simulate,
 )
 from shaftline.plant.memory import MEMORY
-from shaftline.plant.ship import record_name
 from shaftline.plant.signals import SAMPLE, SIGNALS
 from shaftline.plant.simulation import _sampled, trajectory
 from shaftline.plant.state import STATE, get_state
@@ -196,7 +195,7 @@ def test_trajectory_of_records_is_the_simulation_of_ships(
     )  # fmt: skip
     plant, memory = frigate.record(), np.zeros(1, MEMORY)[0]
     for key, value in keys.items():
-        plant[record_name(key, frigate)] = value
+        frigate.number(key).write(plant, value)
     samples, state = np.zeros(steps + 1, SAMPLE), np.zeros(1, STATE)
     for _ in range(2):  # a memory may be used again
         state[0] = tuple(design_point.state)

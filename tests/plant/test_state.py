@@ -17,6 +17,7 @@ from shaftline.plant.state import (
     _root,
     active_states,
     get_state,
+    motion_state,
     moved,
     set_state,
     without_lags,
@@ -108,6 +109,10 @@ def test_rates_vanish_for_the_lags_alone() -> None:
     found = without_rates(COUNTING, rate, beside)
     expected = [x + 2.0 * lags for x, lags in zip(COUNTING, LAGGING, strict=True)]
     assert list(found) == expected
+
+
+def test_state_of_the_motion_alone() -> None:
+    assert motion_state(1.2, 10.0, 8.0) == State(1.2, 10.0, 8.0)
 
 
 def test_absent_states_and_disturbances_are_nothing() -> None:

@@ -15,7 +15,7 @@ from shaftline.plant.replay import simulate_recording
 from shaftline.proof import cases
 from shaftline.proof.reality import bench, crew_demands, effects, water
 from shaftline.proof.reality.instruments import read
-from shaftline.proof.reality.numbers import EFFECTS, frigate_numbers
+from shaftline.proof.reality.numbers import NEUTRAL, frigate_numbers
 from shaftline.proof.reality.sail import sail
 from shaftline.proof.recording import make
 
@@ -74,7 +74,7 @@ def reference(rough: bool) -> pd.DataFrame:
     return frigate_readings(frigate_numbers() | {"track_speed": 7.0}, rough)
 
 
-def shaped(effect: effects.Effect) -> dict[str, float]:
+def shaped(effect: effects.TrueEffect) -> dict[str, float]:
     return {name: 0.5 * (low + high) for name, (low, high) in effect.shape.items()}
 
 
@@ -96,7 +96,7 @@ MOVED = {
 
 
 @pytest.mark.parametrize("effect", FRIGATES, ids=lambda e: e.key)
-def test_an_effect_moves_its_own_signals(effect: effects.Effect) -> None:
+def test_an_effect_moves_its_own_signals(effect: effects.TrueEffect) -> None:
     strong = effect.most if effect.id in ("cavitation-breakdown", "shallow-water") else None
     size = {effect.size: strong or min(4.0 * effect.first, effect.most)}
     numbers = frigate_numbers() | shaped(effect) | size | {"track_speed": 7.0}
@@ -116,7 +116,7 @@ def test_an_effect_moves_its_own_signals(effect: effects.Effect) -> None:
 
 
 @pytest.mark.parametrize("effect", BENCHES, ids=lambda e: e.key)
-def test_an_effect_moves_the_thruster(effect: effects.Effect) -> None:
+def test_an_effect_moves_the_thruster(effect: effects.TrueEffect) -> None:
     volts = bench.voltage_programme("reversals", 60.0, PERIOD, np.random.default_rng(2))
     numbers = bench.bench_numbers()
     changed = numbers | shaped(effect) | {effect.size: min(4.0 * effect.first, effect.most)}
@@ -127,8 +127,8 @@ def test_an_effect_moves_the_thruster(effect: effects.Effect) -> None:
 
 def test_every_effect_has_a_neutral_number_and_every_id_a_form() -> None:
     for effect in (*effects.EFFECTS, *effects.UNKNOWN):
-        assert EFFECTS[effect.size] == 0.0
-        assert set(effect.shape) <= set(EFFECTS)
+        assert NEUTRAL[effect.size] == 0.0
+        assert set(effect.shape) <= set(NEUTRAL)
     assert len({effect.id for effect in effects.EFFECTS}) == 29
     assert set(effects.CONFOUNDED) <= set(effects.BY_KEY)
 

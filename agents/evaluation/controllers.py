@@ -1,0 +1,66 @@
+"""Controllers by name: the classic ones, and policies from their files."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from ...baselines import Controller, ControllerError, controller_names, make_controller
+from ...core.sweep import source_digest
+from ...plant import Ship
+from ..policy.policy import PolicyError, load_policy, trained
+
+_POLICY = "policy"
+
+
+def known() -> str:
+    """What :func:`load_controller` takes, in words."""
+    return f"{', '.join(controller_names())}, policy:FILE.npz" + "".join(
+        f", {_POLICY}:{name}" for name in trained()
+    )
+
+
+def load_controller(text: str, ship: Ship, interval_s: float) -> Controller:
+    """A controller from ``NAME``, ``NAME:option=number,...`` or ``policy:FILE``.
+
+    Args:
+        text: as above; a policy's file, or the name of one that comes with the package.
+        ship: the ship that it shall command.
+        interval_s: control interval [s].
+
+    Raises:
+        ControllerError: unknown name, or an option that the controller does not take.
+        PolicyError: not a policy, or one of another version, ship, observation or interval.
+    """
+    name, _, source = text.partition(":")
+    if name in controller_names():
+        return make_controller(text, ship, interval_s)
+    if name != _POLICY or not source:
+        raise ControllerError(f"unknown controller {text!r}; known: {known()}")
+    policy = load_policy(source, ship)
+    own = float(policy.about["control_interval_s"])
+    if abs(own - interval_s) > 1e-9:
+        raise PolicyError(
+            f"{source}: this policy does not fit: control_interval_s: the policy has {own:g} s, "
+            f"here it is {interval_s:g} s"
+        )
+    return policy
+
+
+def label(text: str) -> str:
+    """What a controller is called in tables and cells, for a text that :func:`load_controller` took.
+
+    A file may hold another policy tomorrow, so eight letters of its content and of the source that
+    sails it stand behind a policy's name: cells of the old one are then not taken for the new one's.
+    """
+    name, _, source = text.partition(":")
+    if name != _POLICY:
+        return text
+    path = trained().get(source, Path(source))
+    return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(path)}"
+
+
+def version_of(policy: Path) -> str:
+    """Eight letters that change with a policy's file and with what turns its answers into commands."""
+    code = source_digest("agents/policy")
+    return hashlib.sha256(code.encode() + policy.read_bytes()).hexdigest()[:8]

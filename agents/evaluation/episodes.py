@@ -1,0 +1,114 @@
+"""Any controller on any task, in figures that an engineer asks for: one episode a seed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...baselines.controller import Predictor, readings
+from ...envs import DEFAULTS, FrigateVectorEnv
+from ...envs.records import TRUTHS
+from ...envs.tasks import Task
+from .kpis import EpisodeSums
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One cell of an evaluation.
+
+    Args:
+        controller: as it is called in tables.
+        task: name; ``NAME:held-out`` for the seas that its training never draws.
+        sea: preset, or ``task`` for those of the task.
+        observer: name.
+        seeds: episodes, one a seed.
+        ship: preset or path.
+        episode_s: length of an episode [s].
+        sensor_noise: factor on the usual instruments', or rms by instrument [its unit].
+        task_model: the task itself, where it is not the one that ``task`` names.
+        first_seed: seeds run from here.
+    """
+
+    controller: str
+    task: str
+    sea: str
+    observer: str
+    seeds: int
+    ship: str = DEFAULTS.ship
+    episode_s: float = DEFAULTS.episode_s
+    sensor_noise: Any = DEFAULTS.sensor_noise
+    task_model: Task | None = None
+    first_seed: int = 0
+
+    @property
+    def name(self) -> str:
+        """File name of the cell; differs where any field differs."""
+        fields = asdict(self)
+        del fields["task_model"]  # of a single run; no cell has one
+        text = "_".join(map(str, fields.values()))
+        return "".join(c if c.isalnum() or c in "-._" else "-" for c in text)
+
+
+def run_episodes(
+    setting: Setting,
+    controller: Predictor,
+    first_seed: int | None = None,
+    threads: int | None = None,
+) -> tuple[pd.DataFrame, NDArray[np.float64]]:
+    """Sail one episode a seed.
+
+    Args:
+        setting: task, sea, observer and so on; ``sea`` ``task`` leaves the choice to the task.
+        controller: with ``predict``.
+        first_seed: in place of the setting's; equal seeds meet equal seas whatever the controller.
+        threads: that step the episodes; the machine's cores by default. They change no figure.
+
+    Returns:
+        KPIs, one row a seed; and the first seed's episode, shape (intervals, 4 + 9 + 2): time [s],
+        order [m/s], pitch ratio, rack [mm], the environment's ``TRUTHS``, estimate and its validity.
+    """
+    env = FrigateVectorEnv(
+        setting.seeds,
+        threads=threads,
+        ship=setting.ship,
+        task=setting.task_model or setting.task,
+        sea=None if setting.sea == "task" else setting.sea,
+        observer=setting.observer,
+        sensor_noise=setting.sensor_noise,
+        episode_s=setting.episode_s,
+    )
+    interval = env.batch.interval_s
+    gear = env.batch.ship.transmission.gear_ratio
+    observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
+    sums = EpisodeSums(setting.seeds)
+    alive = np.ones(setting.seeds, dtype=bool)
+    starting = alive.copy()
+    state: Any = None
+    trace: list[list[float]] = []
+    order = readings(observation).speed_order
+    while alive.any():
+        action, state = controller.predict(observation, state, starting, deterministic=True)
+        observation, reward, terminated, truncated, info = env.step(action)
+        sums.add(alive, info, reward, order, interval, gear)
+        if alive[0]:
+            last = info["final_obs"][0] if terminated[0] or truncated[0] else observation[0]
+            seen = readings(last)
+            truth = [float(info[name][0]) for name in TRUTHS]
+            trace.append(
+                [len(trace) * interval, order[0], seen.pitch_ratio[0], seen.fuel_rack[0], *truth,
+                 seen.advance_velocity[0], seen.estimate_valid[0]]
+            )  # fmt: skip
+        sums.failed |= alive & terminated
+        starting = terminated | truncated
+        alive &= ~starting
+        order = readings(observation).speed_order
+    env.close()
+    return sums.kpis(interval), np.array(trace, dtype=np.float64)
+
+
+TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTHS, "estimate", "valid")
+"""Columns of an episode's trace."""

@@ -1,0 +1,124 @@
+"""Training recipes: hyperparameters in YAML, laid out as rl-zoo3 lays them out.
+
+A file holds a section a task; its keys are those of the algorithm of stable-baselines3, with ``n_envs``,
+``n_timesteps``, ``normalize`` and ``env_kwargs`` beside them, and ``lin_3e-4`` for a value that falls to
+zero along the training.
+"""
+
+from __future__ import annotations
+
+import inspect
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from ...envs import Task, Weights, get_task
+from ..policy.pilot_adapter import Reach
+
+ALGORITHMS = ("ppo", "sac")
+_SET_HERE = {"env", "policy", "verbose", "seed", "device", "tensorboard_log", "_init_setup_model"}
+_TAKEN = {"num_envs", "task", "ship", "threads", "action_mode", "control_interval_s"}
+"""Keywords of the environment that are given elsewhere, or that judging and the adapter rest on."""
+
+
+class RecipeError(ValueError):
+    """A recipe that does not exist or cannot be used; the message names file, key and range."""
+
+
+class Recipe(BaseModel):
+    """Everything that decides a training, the seed apart."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    algorithm: Literal["ppo", "sac"]
+    task: str = Field(description="task that is sailed")
+    n_envs: int = Field(ge=1, le=4096)
+    n_timesteps: int = Field(ge=1, description="control intervals, all environments together")
+    policy: Literal["MlpPolicy"] = "MlpPolicy"
+    normalize: bool = True
+    legs: int = Field(10, ge=1, description="parts between which it is judged and saved")
+    env_kwargs: dict[str, Any] = Field(default_factory=dict)
+    weights: dict[str, float] = Field(
+        default_factory=dict, description="of the reward in training, where not the task's own"
+    )
+    reach: Reach = Field(default_factory=Reach, description="of the policy's answers")
+    hyperparameters: dict[str, Any] = Field(default_factory=dict)
+
+    @field_validator("n_timesteps", mode="before")
+    @classmethod
+    def _whole(cls, value: Any) -> Any:
+        return int(value) if isinstance(value, float) and value.is_integer() else value
+
+    def rewarded(self) -> Task:
+        """The task with the weights of this training."""
+        task = get_task(self.task)
+        weights = Weights.model_validate(task.weights.model_dump() | self.weights)
+        return task.model_copy(update={"weights": weights})
+
+
+def recipe_path(algorithm: str) -> Path:
+    """The file of recipes for an algorithm that comes with the package."""
+    return Path(
+        str(resources.files("shaftline.agents.learning").joinpath("recipes", f"{algorithm}.yml"))
+    )
+
+
+def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: Any) -> Recipe:
+    """A task's section of a file of recipes.
+
+    Args:
+        algorithm: ``ppo`` or ``sac``.
+        task: section.
+        path: file; the package's own by default.
+        changes: values that replace the file's: fields of :class:`Recipe`; those of ``env_kwargs`` are
+            merged.
+
+    Raises:
+        RecipeError: no such algorithm, file or section; an unknown key or a value out of range.
+    """
+    if algorithm not in ALGORITHMS:
+        raise RecipeError(f"unknown algorithm {algorithm!r}; known: {', '.join(ALGORITHMS)}")
+    file = recipe_path(algorithm) if path is None else path
+    if path is None and not file.is_file():
+        raise RecipeError(f"no recipes for {algorithm} come with the package; give a file of yours")
+    try:
+        sections = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, yaml.YAMLError) as error:
+        raise RecipeError(f"{file}: cannot be read as YAML ({error})") from None
+    if not isinstance(sections, dict) or not isinstance(sections.get(task), dict):
+        known = ", ".join(map(str, sections)) if isinstance(sections, dict) else "none"
+        raise RecipeError(f"{file}: no section {task!r}; it has {known}")
+    values = dict(sections[task])
+    own = {key: values.pop(key) for key in list(values) if key in Recipe.model_fields}
+    env = dict(own.get("env_kwargs") or {}) | changes.pop("env_kwargs", {})
+    if taken := _TAKEN & set(env):
+        raise RecipeError(f"{file}: [{task}] env_kwargs.{min(taken)}: cannot be set by a recipe")
+    _check_keys(file, task, algorithm, values)
+    try:
+        recipe = Recipe.model_validate(
+            {"task": task, **own, "algorithm": algorithm, "hyperparameters": values, **changes,
+             "env_kwargs": env}
+        )  # fmt: skip
+        recipe.rewarded()
+    except ValidationError as error:
+        said = "; ".join(
+            f"{'.'.join(map(str, e['loc'])) or 'recipe'} = {e['input']!r}: {e['msg']}"
+            for e in error.errors()
+        )
+        raise RecipeError(f"{file}: [{task}] {said}") from None
+    return recipe
+
+
+def _check_keys(file: Path, task: str, algorithm: str, values: dict[str, Any]) -> None:
+    from stable_baselines3 import PPO, SAC  # torch takes seconds to import
+
+    known = set(inspect.signature({"ppo": PPO, "sac": SAC}[algorithm]).parameters) - _SET_HERE
+    for key in values:
+        if key not in known:
+            raise RecipeError(
+                f"{file}: [{task}] unknown key {key!r}; {algorithm.upper()} knows "
+                f"{', '.join(sorted(known))}; beside them stand {', '.join(Recipe.model_fields)}"
+            )

@@ -1,0 +1,82 @@
+"""A number of a ship as recordings tell it: value, unit, range and uncertainty in one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..plant.ship import Ship
+
+HALF_95 = 1.96
+"""Half of a normal variable's 95 % interval, in standard errors."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number of a ship's file, estimated.
+
+    Args:
+        key: dotted key of the ship's file.
+        value: in ``unit``.
+        unit: SI, as the key states it.
+        bounds: lowest and highest value that a ship's file allows.
+        neutral: value that changes nothing: the nominal ship's own, in the same unit.
+        standard_error: by the noise of the recording, in ``unit``.
+        form_error: by which the form of a model, which is never quite the truth's, may have moved the
+            value, in ``unit``; widens the interval.
+    """
+
+    key: str
+    value: float
+    unit: str
+    bounds: tuple[float, float]
+    neutral: float
+    standard_error: float
+    form_error: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        ship: Ship,
+        key: str,
+        value: float,
+        standard_error: float,
+        *,
+        form_error: float = 0.0,
+        neutral: float | None = None,
+    ) -> Estimate:
+        """An estimate of one of a ship's numbers.
+
+        Args:
+            ship: nominal; its key says unit and bounds, and its own value is the neutral one.
+            key: dotted key.
+            value: in the key's unit, likewise the others.
+            standard_error: by the noise of the recording, in the same unit.
+            form_error: by the form of the model, in the same unit.
+            neutral: another value that changes nothing, in the same unit.
+
+        Raises:
+            ShipError: unknown key.
+        """
+        number = ship.number(key)
+        info = number.info
+        if neutral is None:
+            neutral = number.value
+        return cls(
+            key, value, info.unit, (info.low, info.high), neutral, standard_error, form_error
+        )
+
+    @property
+    def name(self) -> str:
+        """Name in reports: the key without its section."""
+        return self.key.split(".")[-1]
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """95 % interval, in ``unit``."""
+        half = math.hypot(HALF_95 * self.standard_error, self.form_error)
+        return self.value - half, self.value + half
+
+    def to_dict(self) -> dict[str, float | list[float]]:
+        """As it stands in ``report.json`` under its name: ``value`` and ``ci95``."""
+        return {"value": self.value, "ci95": list(self.ci95)}

@@ -1,0 +1,105 @@
+"""Recordings of one condition of a ship, read to be diagnosed together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import pandas as pd
+
+from ...plant.columns import TIME
+from ...plant.recording import RecordingError
+from ...plant.ship import Ship
+from ..progress import Tick, silent
+from .load import Recording, load_recording
+
+LEAST_ROWS = 40
+"""Of a recording, so that there is something to fit and something to set aside."""
+
+Recorded: TypeAlias = str | Path | Recording | pd.DataFrame
+"""A CSV or Parquet file; what :func:`.load_recording` made of one; or a table with canonical columns at
+an even interval, all finite, which is taken as it is."""
+
+
+@dataclass(frozen=True)
+class JointRecordings:
+    """Recordings that are diagnosed together.
+
+    Args:
+        tables: canonical columns at an even interval; those set aside come last.
+        held_out: how many are set aside.
+        limits: why they may not decide.
+        warnings: what was noticed about them.
+    """
+
+    tables: tuple[pd.DataFrame, ...]
+    held_out: int
+    limits: list[str]
+    warnings: list[str]
+
+
+def load_jointly(
+    ship: Ship,
+    fitted: Sequence[Recorded],
+    held_out: Sequence[Recorded] = (),
+    columns: Path | None = None,
+    tick: Tick = silent,
+) -> JointRecordings:
+    """Read and check recordings that are diagnosed together.
+
+    Args:
+        ship: the nominal ship.
+        fitted: at least one.
+        held_out: set aside to judge on.
+        columns: column map of the files, or none.
+        tick: told how many are read.
+
+    Raises:
+        RecordingError: a recording or the column map cannot be used; names file, column and row.
+        ValueError: nothing to fit, or a file that is given twice.
+    """
+    sources = [*fitted, *held_out]
+    if not fitted:
+        raise ValueError("no recording to fit: give at least one that is not set aside")
+    paths = [Path(source) for source in sources if isinstance(source, str | Path)]
+    twice = [path for i, path in enumerate(paths) if path in paths[:i]]
+    if twice:
+        raise ValueError(f"{twice[0]} is given twice; what is set aside must not be fitted")
+    loaded = []
+    for done, source in enumerate(sources):
+        tick("reading and checking", done, len(sources))
+        loaded.append(_loaded(source, ship, columns))
+    tick("reading and checking", len(sources), len(sources))
+    limits, warnings = _said(loaded[: len(fitted)], loaded)
+    return JointRecordings(tuple(r.table for r in loaded), len(held_out), limits, warnings)
+
+
+def _loaded(source: Recorded, ship: Ship, columns: Path | None) -> Recording:
+    if isinstance(source, Recording):
+        recording = source
+    elif isinstance(source, pd.DataFrame):
+        interval = float(source[TIME].diff().mean())
+        recording = Recording(Path("table"), source, interval, {})
+    else:
+        recording = load_recording(source, ship, columns)
+    if len(recording) < LEAST_ROWS:
+        raise RecordingError(
+            f"{recording.source}: {len(recording)} rows; at least {LEAST_ROWS} are needed"
+        )
+    return recording
+
+
+def _said(fitted: list[Recording], loaded: list[Recording]) -> tuple[list[str], list[str]]:
+    """Limits and warnings of all recordings; several are named, and limit only where all do."""
+    if len(loaded) == 1:
+        return list(loaded[0].limits), list(loaded[0].warnings)
+
+    def named(part: Iterable[Recording], attribute: str) -> list[str]:
+        return [f"{r.source.name}: {said}" for r in part for said in getattr(r, attribute)]
+
+    warnings = named(loaded, "warnings")
+    if all(recording.limits for recording in fitted):
+        return named(fitted, "limits"), warnings
+    return [], warnings + named(loaded, "limits")

@@ -1,0 +1,89 @@
+"""A diagnosis as plain text, for a terminal or a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ..diagnosis import Diagnosis
+
+CONSTANT = "constant: no FitPercent"
+
+
+def aligned(rows: Sequence[Mapping[str, str]], right: Sequence[str] = ()) -> str:
+    """Rows of text under their heads, in columns.
+
+    Args:
+        rows: cells by head; every row has the first one's heads.
+        right: heads of the columns that are flush right, as numbers are.
+    """
+    heads = list(rows[0]) if rows else []
+    lines = [heads, *([row[head] for head in heads] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.rjust(width) if head in right else cell.ljust(width)
+            for head, cell, width in zip(heads, line, widths, strict=True)
+        ).rstrip()
+        for line in lines
+    )
+
+
+def summary(diagnosis: Diagnosis) -> str:
+    """The answer, the findings with their intervals, and the fit on what was set aside."""
+    parts = [f"{diagnosis.verdict}: {diagnosis.sentence}"]
+    if diagnosis.findings:
+        numbers = ("value", "95 % from", "to", "evidence", "threshold")
+        parts.append(
+            "What is missing (evidence in 2 log L)\n" + aligned(_findings(diagnosis), numbers)
+        )
+    held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
+    parts.append(
+        "FitPercent, 100 is perfect\n"
+        + aligned(_fits(diagnosis), ("before", "after"))
+        + f"\njudged on {held}, which was set aside before anything was fitted"
+    )
+    notes = [f"note: {note}" for note in (*diagnosis.limits, *diagnosis.warnings)]
+    return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
+
+
+def _findings(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    """One row a parameter; what belongs to the whole finding stands in its first."""
+    rows = []
+    for finding in diagnosis.findings:
+        effect = finding.effect
+        others = [c.effect.label for c in finding.rivals if c.effect.label != effect.label]
+        of_all = {
+            "effect": effect.id,
+            "balance": effect.balance,
+            "evidence": f"{finding.score:.1f}",
+            "threshold": f"{finding.threshold:.1f}",
+            "or equally": ", ".join(others),
+        }
+        for estimate in finding.estimates:
+            low, high = estimate.ci95
+            row = {
+                "effect": "",
+                "balance": "",
+                "parameter": estimate.name,
+                "value": f"{estimate.value:.4g}",
+                "95 % from": f"{low:.4g}",
+                "to": f"{high:.4g}",
+                "unit": estimate.unit,
+                "evidence": "",
+                "threshold": "",
+                "or equally": "",
+            }
+            rows.append(row | of_all)
+            of_all = {}
+    return rows
+
+
+def _fits(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    rows = []
+    for channel in diagnosis.measured:
+        before, after = CONSTANT, ""
+        if channel in diagnosis.fit_before:
+            before = f"{diagnosis.fit_before[channel]:.1f}"
+            after = f"{diagnosis.fit_after[channel]:.1f}"
+        rows.append({"channel": channel, "before": before, "after": after})
+    return rows

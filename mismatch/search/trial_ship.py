@@ -1,0 +1,150 @@
+"""The ship on which effects are tried: where each is first tried, how its values reach the record."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from ...plant.propeller import cavitation_number
+from ...plant.ship import Ship
+from ..simulate.balances import Balances
+from .catalogue import Effect, Parameter
+from .placed import Placed, Window
+
+
+class TrialShip:
+    """One ship as it sails in one recording, with any effects put onto it.
+
+    Args:
+        balances: of the ship and the recording; their nominal simulation scales the probes.
+
+    Attributes:
+        ship: nominal.
+        nominal: its record.
+    """
+
+    def __init__(self, balances: Balances) -> None:
+        self.ship: Ship = balances.replay.ship
+        self.nominal = self.ship.record()
+        self._means = _means(balances)
+
+    def settings(self, placed: Placed) -> dict[str, float]:
+        """Dotted keys of the ship's file and their values."""
+        found = {parameter.key: value for parameter, value in placed.pairs}
+        for key, of in placed.effect.fixed:
+            found[key] = self._means[of]
+        for key, of, factor in placed.effect.ties:
+            found[key] = found[of] * factor
+        if placed.window is not None:
+            section = placed.effect.parameters[0].key.split(".")[0]
+            start, end = placed.window
+            found[f"{section}.episode_start_s"] = start
+            found[f"{section}.episode_end_s"] = end
+        host = placed.effect.on(self.ship)
+        ranges = {key: host.number(key).info for key in found}
+        return {
+            key: float(np.clip(value, ranges[key].low, ranges[key].high))
+            for key, value in found.items()
+        }
+
+    def range_of(self, parameter: Parameter) -> tuple[float, float]:
+        """Lowest and highest value of a parameter."""
+        info = parameter.number(self.ship).info
+        return info.low, info.high
+
+    def host(self, effects: tuple[Placed, ...]) -> Ship:
+        """The ship with the terms of some effects on it, at values that change nothing."""
+        ship = self.ship
+        for placed in effects:
+            ship = placed.effect.on(ship)
+        return ship
+
+    def record(self, effects: tuple[Placed, ...]) -> Any:
+        """The kernels' record of the ship with some effects on it."""
+        host = self.host(effects)
+        plant = self.nominal.copy() if host is self.ship else host.record()
+        for placed in effects:
+            for key, value in self.settings(placed).items():
+                host.number(key).write(plant, value)
+        return plant
+
+    def corrected(self, effects: tuple[Placed, ...]) -> Ship:
+        """The ship with some effects on it."""
+        values: dict[str, Any] = {}
+        for placed in effects:
+            values |= self.settings(placed)
+        return self.host(effects).with_values(values)
+
+    def neutral(self, parameter: Parameter) -> float:
+        """Value at which the effect is absent: the ship file's own."""
+        if parameter.absolute:
+            return 0.0
+        return parameter.number(self.ship).value
+
+    def origin(self, parameter: Parameter) -> float:
+        """Value from which a size is measured: the neutral one; 0 for limits, absent at infinity."""
+        neutral = self.neutral(parameter)
+        return 0.0 if math.isinf(neutral) else neutral
+
+    def probes(self, parameter: Parameter) -> list[float]:
+        """Values at which a parameter is first tried, inside its bounds."""
+        low, high = self.range_of(parameter)
+        start = self.origin(parameter)
+        steps = [p * self._means[parameter.of] for p in parameter.probes]
+        if parameter.signed:
+            steps = [-s for s in reversed(steps)] + steps
+        return [start + s for s in steps if low <= start + s <= high]
+
+    def smallest(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
+        """The trials in which the effect's first value is as near to neutral as it is probed."""
+        start = self.origin(effect.parameters[0])
+        probes = self.probes(effect.parameters[0])
+        nearest = min(probes, key=lambda value: (abs(value - start), -value), default=None)
+        for placed in self.trials(effect, windows):
+            if placed.values[0] == nearest:
+                yield placed
+
+    def trials(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
+        """The effect at every combination of its probes, and of windows where it acts for a time."""
+        grids = [self.probes(p) for p in effect.parameters]
+        whole: list[Window | None] = [None]
+        for window in windows if effect.windowed else whole:
+            for values in itertools.product(*grids):
+                yield Placed(effect, values, window)
+
+
+def _means(balances: Balances) -> Mapping[str, float]:
+    """What the references of the catalogue's probes are worth in a nominal simulation."""
+    samples, plant = balances.nominal_samples, balances.plant
+    omega = np.abs(samples["shaft_speed"])
+    gear = float(plant["gear_ratio"])
+
+    def typical(values: Any) -> float:
+        return float(max(np.sqrt(np.mean(np.square(values))), 1e-9))
+
+    torque, shaft = typical(samples["propeller_torque"]), typical(omega)
+    drive = balances.replay.drive_rows
+    number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
+    found = {
+        "unit": 1.0,
+        "torque": torque,
+        "torque/shaft_speed": torque / shaft,
+        "torque/shaft_speed/shaft_speed": torque / shaft**2,
+        "brake_torque/engine_speed/engine_speed": typical(samples["brake_torque"])
+        / (gear * shaft) ** 2,
+        "force": typical(samples["resistance"]),
+        "shaft_speed": shaft,
+        "engine_speed": gear * float(np.mean(omega)),
+        "ship_speed": float(np.mean(samples["ship_speed"])),
+        "drive": typical(drive),
+        "drive_top": float(np.abs(drive).max()),
+        "current_top": float(np.abs(samples["motor_current"]).max()),
+        "inertia": float(plant["inertia_propeller_side"])
+        + 0.1 * float(plant["inertia_engine_side"]),
+        "sigma_top": float(number),
+    }
+    return found

@@ -1,0 +1,126 @@
+"""Findings and what could not have been found, on a plant of straight lines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.mismatch.judge.findings import detectable_effects, findings_of
+from shaftline.mismatch.search.fitting import Fitter
+from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.selection import Selection
+
+from ..toy import FOULING, FRICTION, ROWS, SLOPES, Toy, bands, entry, fitter, white
+
+ENGINE_FRICTION = entry("coulomb-friction (engine)")
+HULL_FOULING = entry("hull-fouling (hull)")
+GAUGE = entry("torque-sensor-gain (sensor)")
+EPISODE = entry("resistance-episode (hull)")
+
+
+@pytest.fixture
+def both() -> tuple[Fitter, Selection]:
+    fit = fitter({FRICTION: 6000.0, FOULING: 0.3})
+    placed = (Placed(ENGINE_FRICTION, (6000.0,)), Placed(HULL_FOULING, (0.3,)))
+    rivals: Any = ((), ("rival",))
+    return fit, Selection(fit.fitted(placed), (300.0, 200.0), (10.0, 11.0), rivals, ())
+
+
+def lacking(fit: Fitter) -> Any:
+    return fit.balances.lacking(fit.balances.nominal)
+
+
+def test_a_finding_carries_what_was_found(both: tuple[Fitter, Selection]) -> None:
+    fit, selection = both
+    friction, fouling = findings_of(fit, selection, lacking(fit), 0.02)
+    assert (friction.effect, fouling.effect) == (ENGINE_FRICTION, HULL_FOULING)
+    assert (friction.score, friction.threshold, friction.rivals) == (300.0, 10.0, ())
+    assert (fouling.score, fouling.threshold, fouling.rivals) == (200.0, 11.0, ("rival",))
+    assert friction.estimates == fit.estimates(selection.fit, 0.02)[0]
+    assert friction.estimates[0].form_error == pytest.approx(120.0)
+
+
+def test_a_trace_is_what_the_effect_changes_in_its_balance(both: tuple[Fitter, Selection]) -> None:
+    fit, selection = both
+    friction, fouling = findings_of(fit, selection, lacking(fit), 0.0)
+    assert (friction.row, fouling.row) == (0, 1)
+    assert friction.trace == pytest.approx(6000.0 * SLOPES[FRICTION][0])
+    assert fouling.trace == pytest.approx(0.3 * SLOPES[FOULING][1])
+    assert friction.windows == [(0.0, ROWS - 1.0)]
+    assert friction.regime == ""
+
+
+def test_an_instrument_is_shown_in_the_balance_that_feels_it_most() -> None:
+    toy: Any = Toy({}, white(0, 0.5, 2.0))
+    rows = np.array([np.full(ROWS, 4.0), np.full(ROWS, 5.0)])
+    nominal = toy.nominal_samples
+
+    def simulate(record: Any, shift: Any = None) -> Any:
+        felt = rows * (float(record["torque_sensor_gain"]) - 1.0)
+        return nominal | dict(zip(toy.names, felt, strict=True))
+
+    toy.simulate = simulate
+    fit = Fitter(toy, bands())
+    chosen = Selection(fit.fitted((Placed(GAUGE, (1.1,)),)), (9.0,), (8.0,), ((),), ())
+    (found,) = findings_of(fit, chosen, white(0, 0.5, 2.0), 0.0)
+    assert found.row == 0  # 4 of 0.5 is more than 5 of 2
+    (found,) = findings_of(fit, chosen, white(0, 0.5, 0.4), 0.0)
+    assert found.row == 1
+
+
+def test_windows_and_regime_are_those_of_the_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+    late = np.where(np.arange(ROWS) > 480, 1e-3, 0.0)
+    monkeypatch.setitem(SLOPES, FRICTION, np.array([late, np.zeros(ROWS)]))
+    toy: Any = Toy({FRICTION: 6000.0}, white(0, 0.5, 2.0))
+    samples = toy.simulate
+    toy.simulate = lambda *given: samples(*given) | {"ship_speed": np.linspace(5.0, 8.0, ROWS)}
+    fit = Fitter(toy, bands())
+    placed = (Placed(ENGINE_FRICTION, (6000.0,)),)
+    (found,) = findings_of(
+        fit, Selection(fit.fitted(placed), (9.0,), (8.0,), ((),), ()), lacking(fit), 0.0
+    )
+    assert found.windows == [(479.0, ROWS - 1.0)]
+    assert found.regime == "ship_speed above 7.4 m/s"
+
+
+def test_an_episode_keeps_its_own_window() -> None:
+    fit = fitter({})
+    episode = Placed(EPISODE, (0.5,), (60.0, 150.0))
+    chosen = Selection(fit.fitted((episode,)), (9.0,), (8.0,), ((),), ())
+    (found,) = findings_of(fit, chosen, lacking(fit), 0.0)
+    assert found.windows == [(60.0, 150.0)]
+    assert found.regime == ""
+
+
+def test_the_smallest_size_seen_is_the_root_of_threshold_times_variance() -> None:
+    fit = fitter({}, known=0.02)
+    found = detectable_effects(fit, lambda effect: 16.0, fit.null, [ENGINE_FRICTION, HULL_FOULING])
+    assert [(d.effect, d.unit) for d in found] == [(ENGINE_FRICTION, "N m"), (HULL_FOULING, "-")]
+    for one, key in zip(found, (FRICTION, FOULING), strict=True):
+        column = fit.bands.transform(SLOPES[key])[None]
+        variance = np.linalg.inv(fit.likelihood.information(fit.null.weight, column))[0, 0]
+        assert one.value == pytest.approx(
+            4.0 * np.sqrt(variance)
+        )  # of a straight line: at any probe
+
+
+def test_a_size_is_told_of_one_number_that_can_be_small() -> None:
+    fit = fitter({})
+    untold = ["engine-torque-curvature (engine)", "resistance-episode (hull)",
+              "rack-rate-limit (engine)", "current (hull)"]  # fmt: skip
+    effects = [
+        entry(label) for label in untold
+    ]  # two numbers; a window; absent at infinity; no trace
+    assert detectable_effects(fit, lambda effect: 16.0, fit.null, effects) == []
+
+
+def test_the_size_is_the_distance_from_the_ship_s_own() -> None:
+    own = fitter({}).balances.replay.ship.with_values({FRICTION: 900.0})
+    toy: Any = Toy({}, white(0, 0.5, 2.0), ship=own)
+    fit = Fitter(toy, bands())
+    (here,) = detectable_effects(fit, lambda effect: 16.0, fit.null, [ENGINE_FRICTION])
+    there = fitter({})
+    (usual,) = detectable_effects(there, lambda effect: 16.0, there.null, [ENGINE_FRICTION])
+    assert here.value == pytest.approx(usual.value)

@@ -1,0 +1,113 @@
+"""What is set aside, and what it says of a model."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.mismatch.judge.held_out import bands_of, held_out_judge, set_aside
+from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.spectra import Likelihood
+
+from ..toy import FRICTION, ROWS, entry, fitter, white
+
+
+def replay(demand: Any, command: Any = None, segments: Any = None) -> Any:
+    demand = np.asarray(demand, dtype=float)
+    still = np.full(len(demand), 1.2)
+    return SimpleNamespace(
+        drive_rows=demand,
+        command=still if command is None else np.asarray(command, dtype=float),
+        segments=segments or [(0, len(demand))],
+    )
+
+
+def first_choice(demand: Any, command: Any = None, segments: Any = None) -> tuple[Any, Any]:
+    return set_aside(replay(demand, command, segments), 0)[0]
+
+
+EVEN = np.tile(np.linspace(0.0, 1.0, 50), 8)  # each quarter covers all of the range
+
+
+def test_the_last_quarter_is_set_aside_where_all_are_alike() -> None:
+    assert first_choice(EVEN) == ([(0, 300)], [(300, 400)])
+
+
+def test_each_quarter_is_set_aside_in_turn() -> None:
+    ways = set_aside(replay(EVEN), 0)
+    assert ways[0][1] == [(300, 400)]
+    assert sorted(held for _, held in ways) == [[(a, a + 100)] for a in (0, 100, 200, 300)]
+    fitted = {held[0][0]: train for train, held in ways}
+    assert fitted[0] == [(100, 400)]
+    assert fitted[100] == [(0, 100), (200, 400)]
+
+
+def quarters(*spans: float) -> Any:
+    """A demand that moves over a share of its range in each quarter; in the first over all of it."""
+    return np.concatenate([np.tile(np.linspace(0.0, span, 50), 2) for span in spans])
+
+
+@pytest.mark.parametrize(("last", "start"), [(0.72, 300), (0.68, 0)])
+def test_another_quarter_must_cover_the_demands_clearly_better(last: float, start: int) -> None:
+    # of the demand's middle nine tenths the first quarter covers 0.966, the last 0.845 or 0.797
+    assert first_choice(quarters(1.0, 0.2, 0.2, last))[1] == [(start, start + 100)]
+    # what moves not at all does not count, what moves counts alike
+    both = quarters(1.0, 0.2, 0.2, last)
+    assert first_choice(both, 1.0 + 0.1 * both)[1] == [(start, start + 100)]
+    assert first_choice(np.full(400, 20.0))[1] == [(300, 400)]
+
+
+def test_of_several_recordings_the_longest_is_parted() -> None:
+    segments = [(0, 100), (100, 500), (500, 600)]
+    train, held = first_choice(np.tile(np.linspace(0.0, 1.0, 50), 12), None, segments)
+    assert held == [(400, 500)]
+    assert train == [(0, 100), (500, 600), (100, 400)]
+
+
+def test_whole_recordings_are_set_aside_where_the_user_says_so() -> None:
+    segments = [(0, 100), (100, 500), (500, 600)]
+    both = replay(np.zeros(600), None, segments)
+    assert set_aside(both, 1) == [([(0, 100), (100, 500)], [(500, 600)])]
+    assert set_aside(both, 2) == [([(0, 100)], [(100, 500), (500, 600)])]
+
+
+def test_crumbs_are_not_fitted() -> None:
+    demand = np.tile(np.linspace(0.0, 1.0, 20), 4)
+    ways = set_aside(replay(demand), 0)
+    assert {held[0]: train for train, held in ways}[(20, 40)] == [(40, 80)]  # not the first 20 rows
+    longer = set_aside(replay(np.tile(np.linspace(0.0, 1.0, 21), 4)), 0)
+    assert {held[0]: train for train, held in longer}[(21, 42)] == [(0, 21), (42, 84)]
+
+
+def test_bands_reach_four_fifths_of_nyquist_s_frequency() -> None:
+    balances: Any = SimpleNamespace(
+        replay=SimpleNamespace(interval_s=0.2), names=["engine", "propeller", "hull"]
+    )
+    found = bands_of(balances, [(0, 1000)])
+    assert found.frequency_Hz[-1] == pytest.approx(2.0)
+    assert found.edges[1] == 9  # three times the balances
+    assert (found.starts, found.ends) == ((0,), (1000,))
+
+
+def test_the_part_set_aside_is_judged_alone() -> None:
+    fit = fitter({FRICTION: 6000.0})
+    judge = held_out_judge(fit, [(300, ROWS)])
+    grid = bands_of(fit.balances, [(300, ROWS)])
+    scores = []
+    for value in (0.0, 6000.0):
+        placed = Placed(entry("coulomb-friction (engine)"), (value,))
+        record = fit.trial_ship.record((placed,))
+        replayed = fit.balances.replay.simulate(record)
+        lacking = fit.balances.lacking(fit.balances.replay.simulated(replayed))
+        left = grid.transform(lacking)
+        by_hand = Likelihood(grid, np.zeros((1, *left.shape), complex))(left).score
+        assert judge(record) == pytest.approx(by_hand)
+        scores.append(by_hand)
+    assert scores[1] > scores[0] + 100.0
+    noise = grid.transform(white(0, 0.5, 2.0))
+    assert scores[1] == pytest.approx(
+        Likelihood(grid, np.zeros((1, *noise.shape), complex))(noise).score
+    )

@@ -1,0 +1,111 @@
+"""When effects are believed, from both sides of every limit."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.mismatch.judge.verdict import (
+    EXPLAINED,
+    NOTHING,
+    UNEXPLAINED,
+    close_call,
+    explained_share,
+    verdict_of,
+)
+from shaftline.mismatch.judge.whiteness import Colour
+
+RED = Colour(0, 1, 0.005, 0.02, 14.0)
+
+
+class Whiteness:
+    """Stands for the judge of residuals: given power ratios, and colour where a fit has one."""
+
+    def __init__(self, before: Any, after: Any, null: bool = True, left: bool = False) -> None:
+        self.fitter = SimpleNamespace(null="null")
+        self._ratios = {"null": np.array(before), "fit": np.array(after)}
+        self._colours = {"null": RED if null else None, "fit": RED if left else None}
+
+    def _key(self, fit: Any) -> str:
+        return fit if isinstance(fit, str) else "fit"
+
+    def ratios(self, fit: Any) -> Any:
+        return self._ratios[self._key(fit)]
+
+    def colour(self, fit: Any) -> Colour | None:
+        return self._colours[self._key(fit)]
+
+
+def selection(*gains: float, effects: int = 1, rivals: int = 0) -> Any:
+    return SimpleNamespace(
+        fit=SimpleNamespace(effects=("effect",) * effects),
+        rivals=(("rival",) * rivals,) * effects,
+        ranking=tuple(SimpleNamespace(gain=gain) for gain in gains),
+    )
+
+
+def verdict(chosen: Any, whiteness: Whiteness, gain: float = 50.0, excited: bool = True) -> str:
+    return verdict_of(chosen, whiteness, gain, excited).name  # type: ignore[arg-type]
+
+
+def test_the_explained_share_is_of_the_power_beyond_noise() -> None:
+    whiteness: Any = Whiteness([[9.0, 3.0], [0.5, 1.0]], [[3.0, 1.5], [0.9, 0.2]])
+    assert explained_share(whiteness, "null", "fit") == pytest.approx(1.0 - 2.5 / 10.0)  # type: ignore[arg-type]
+    noise: Any = Whiteness([[0.9, 1.0]], [[3.0, 0.2]])
+    assert explained_share(noise, "null", "fit") == 1.0  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("second", "close"), [(59.9, False), (60.0, False), (60.1, True)])
+def test_a_second_name_is_close_beyond_three_fifths(second: float, close: bool) -> None:
+    assert close_call(selection(100.0, second, 99.0)) is close
+    assert close_call(selection(100.0)) is False
+
+
+def test_what_explains_all_is_believed() -> None:
+    found: Any = verdict_of(selection(100.0), Whiteness([[9.0]], [[1.0]]), 50.0, True)  # type: ignore[arg-type]
+    assert (found.name, found.explained, found.colour, found.left_over) == (
+        EXPLAINED, 1.0, RED, None,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("gain", "name"), [(-6.0, EXPLAINED), (-6.01, UNEXPLAINED)])
+def test_data_set_aside_have_a_veto_beyond_six(gain: float, name: str) -> None:
+    assert verdict(selection(100.0), Whiteness([[9.0]], [[1.0]]), gain) == name
+    # where the null is noise, the veto leaves nothing
+    assert verdict(selection(100.0), Whiteness([[9.0]], [[1.0]], null=False), -50.0) == NOTHING
+
+
+@pytest.mark.parametrize(("after", "name"), [(2.599, EXPLAINED), (2.601, UNEXPLAINED)])
+def test_four_fifths_must_be_explained_where_more_than_noise_is_left(
+    after: float, name: str
+) -> None:
+    assert verdict(selection(100.0), Whiteness([[9.0]], [[after]], left=True)) == name
+    assert verdict(selection(100.0), Whiteness([[9.0]], [[after]])) == EXPLAINED
+    assert verdict(selection(100.0), Whiteness([[9.0]], [[after]], null=False, left=True)) == name
+
+
+@pytest.mark.parametrize(
+    ("chosen", "name"),
+    [
+        (selection(100.0, 10.0), EXPLAINED),
+        (selection(100.0, 70.0), UNEXPLAINED),
+        (selection(100.0, 10.0, rivals=1), UNEXPLAINED),
+        (selection(100.0, 10.0, effects=2), UNEXPLAINED),
+    ],
+)
+def test_a_dull_recording_decides_only_what_is_clear(chosen: Any, name: str) -> None:
+    for null in (True, False):
+        assert verdict(chosen, Whiteness([[9.0]], [[1.0]], null=null), excited=False) == name
+        assert verdict(chosen, Whiteness([[9.0]], [[1.0]], null=null)) == EXPLAINED
+
+
+def test_where_nothing_was_chosen_the_colour_decides() -> None:
+    none = selection(3.0, 2.9, effects=0)
+    for excited in (True, False):
+        assert verdict(none, Whiteness([[9.0]], [[9.0]], left=True), 0.0, excited) == UNEXPLAINED
+        assert verdict(none, Whiteness([[1.0]], [[1.0]], null=False), 0.0, excited) == NOTHING
+        # what is vetoed must have been named
+        assert verdict(none, Whiteness([[1.0]], [[1.0]], null=False), -9.0, excited) == NOTHING

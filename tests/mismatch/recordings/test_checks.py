@@ -1,0 +1,99 @@
+"""Values, the time base, and what a recording cannot show."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.plant import RecordingError, Ship, equilibrium
+
+from .conftest import Load
+from .trials import COLUMNS, NOISE, voyage
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "value", "words"),
+    [
+        ("ship_speed_m_s", 7, math.nan, r"ship_speed_m_s, row 8: .*nan.* is not a finite number"),
+        ("shaft_speed_rad_s", 0, math.inf, r"shaft_speed_rad_s, row 1: .*inf.*rad/s"),
+        ("fuel_rack_mm", 2, "full", r"fuel_rack_mm, row 3: 'full' is not a finite number"),
+        ("ship_speed_m_s", 5, 70.0, r"ship_speed_m_s, row 6: 70 m/s lies outside -40 to 40 m/s"),
+        ("time_s", 5, 0.1, r"time_s, row 6: 0\.1 s after 0\.4 s; time must rise"),
+        ("time_s", 2999, 400.0, r"time_s, row 3000: a gap of 100.* s .* cut the recording"),
+    ],
+)
+def test_bad_value_is_named(
+    load: Load, calm: pd.DataFrame, column: str, row: int, value: object, words: str
+) -> None:
+    table = calm.astype(object)
+    table.loc[row, column] = value
+    with pytest.raises(RecordingError, match=rf"r\.csv: {words}"):
+        load(table)
+
+
+@pytest.mark.parametrize("missing", [1, 3])
+def test_short_gap_is_filled_with_a_warning(load: Load, calm: pd.DataFrame, missing: int) -> None:
+    found = load(calm.drop(index=range(500, 500 + missing)))
+    assert len(found) == len(calm)
+    assert "missing before row 501" in found.warnings[0]
+    np.testing.assert_allclose(found["ship_speed_m_s"], calm["ship_speed_m_s"], atol=0.2)
+
+
+def test_long_gap_is_refused(load: Load, calm: pd.DataFrame) -> None:
+    with pytest.raises(RecordingError, match=r"time_s, row 501: a gap of 0\.5 s after 49\.9 s"):
+        load(calm.drop(index=range(500, 504)))
+
+
+def test_jitter_is_resampled_with_a_warning(load: Load, calm: pd.DataFrame) -> None:
+    jitter = np.random.default_rng(2).uniform(-0.02, 0.02, len(calm))
+    jitter[[0, -1]] = 0.0
+    found = load(calm.assign(time_s=calm["time_s"] + jitter))
+    assert "onto an even time base" in found.warnings[0]
+    np.testing.assert_allclose(np.diff(found.time_s), 0.1, rtol=1e-3)
+
+
+def test_uneven_time_is_refused(load: Load, calm: pd.DataFrame) -> None:
+    steps = np.random.default_rng(2).choice([0.03, 0.1, 0.2], len(calm), p=[0.3, 0.4, 0.3])
+    with pytest.raises(RecordingError, match="of all steps differ as much; resample"):
+        load(calm.assign(time_s=np.cumsum(steps)))
+
+
+def test_time_in_milliseconds_is_refused_and_mended(load: Load, calm: pd.DataFrame) -> None:
+    table = calm.assign(time_s=1000 * calm["time_s"])
+    with pytest.raises(RecordingError, match=r"time_s steps by 100 s .*unit = .ms."):
+        load(table)
+    assert load(table, '[columns]\ntime_s = { column = "time_s", unit = "ms" }').interval_s == (
+        pytest.approx(0.1)
+    )
+
+
+def test_saturated_and_frozen_sensors_are_warned_of(load: Load, calm: pd.DataFrame) -> None:
+    limit = calm["shaft_torque_N_m"].quantile(0.9)
+    table = calm.assign(shaft_torque_N_m=calm["shaft_torque_N_m"].clip(upper=limit))
+    table.loc[1000:1100, "ship_speed_m_s"] = table.loc[1000, "ship_speed_m_s"]
+    warnings = load(table).warnings
+    assert any("shaft_torque_N_m stands at its extreme" in w and "10%" in w for w in warnings)
+    assert any("ship_speed_m_s does not change for 101 rows from row 1001" in w for w in warnings)
+
+
+def test_drive_at_its_stop_is_warned_of(load: Load, frigate: Ship) -> None:
+    table = voyage(frigate).assign(fuel_rack_mm=40.0)
+    assert any("fuel_rack_mm is at its end stop in 100.0%" in w for w in load(table).warnings)
+
+
+def test_short_and_dull_are_limits_not_errors(load: Load, frigate: Ship) -> None:
+    start = equilibrium(frigate, 22.0, 1.3).state
+    rng = np.random.default_rng(3)
+    values = [start.pitch_ratio, start.shaft_speed, 1.3e5, start.ship_speed]
+    table = pd.DataFrame({"time_s": 0.1 * np.arange(100), "fuel_rack_mm": 22.0,
+                          "pitch_ratio_command": 1.3})  # fmt: skip
+    for (column, rms), value in zip(NOISE.items(), values, strict=True):
+        table[column] = value + rms * rng.standard_normal(100)
+    limits = load(table).limits
+    assert any(sentence.startswith("too short: 100 rows") for sentence in limits)
+    assert any("hull's time constant" in sentence for sentence in limits)
+    for column in COLUMNS:
+        assert any(sentence.startswith(f"dull: {column} moves") for sentence in limits), column

@@ -1,0 +1,84 @@
+"""Column maps: foreign names, units and signs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.plant import RecordingError
+
+from .conftest import Load
+from .trials import RPM, degrees
+
+
+def test_foreign_names_units_and_signs_are_carried_over(load: Load, calm: pd.DataFrame) -> None:
+    foreign = pd.DataFrame(
+        {
+            "Date": pd.Timestamp("2024-05-01T12:00:00Z")
+            + pd.to_timedelta(calm["time_s"], unit="s"),
+            "Index": calm["fuel_rack_mm"] / 0.4,
+            "Pitch set": degrees(calm["pitch_ratio_command"]),
+            "P/D": calm["pitch_ratio"],
+            "N": -RPM * calm["shaft_speed_rad_s"],
+            "Q": 1e-3 * calm["shaft_torque_N_m"] + 2.0,
+            "STW": calm["ship_speed_m_s"] * 3600 / 1852,
+        }
+    )
+    found = load(
+        foreign,
+        """[columns]
+        Date = { column = "time_s", unit = "datetime" }
+        Index = { column = "fuel_rack_mm", scale = 0.4 }
+        "Pitch set" = { column = "pitch_ratio_command", unit = "deg" }
+        "P/D" = "pitch_ratio"
+        N = { column = "shaft_speed_rad_s", unit = "RPM", sign = -1 }
+        Q = { column = "shaft_torque_N_m", unit = "kNm", offset = -2.0 }
+        STW = { column = "ship_speed_m_s", unit = "kn" }
+        """,
+    )
+    for column in calm:
+        np.testing.assert_allclose(found[column], calm[column], rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("columns = ", r"not valid TOML"),
+        ("", r"columns is missing"),
+        ("[columns]", r"columns: .*at least 1"),
+        ("[columns]\nN = {}", r"columns\.N\.column is missing"),
+        ("[columns]\nN = 3", r"columns\.N: "),
+        ('[columns]\nN = "speed"', r"columns\.N\.column: 'speed' is not canonical \(allowed: time_s"),
+        ('[columns]\nN = { column = "time_s", units = "s" }',
+         r"columns\.N\.units is not a known key \(allowed: column, unit, sign, scale, offset\)"),
+        ('[columns]\nN = { column = "thrust_N", sign = 2 }', r"columns\.N\.sign: .* 1 or -1"),
+        ('[columns]\nN = { column = "thrust_N", scale = 0 }', r"columns\.N\.scale: 0 would leave"),
+        ('[columns]\nN = { column = "thrust_N", scale = inf }', r"columns\.N\.scale: .*finite"),
+        ('[columns]\nN = { column = "thrust_N", unit = "kp m" }', r"columns\.N: unit 'kp m' is not"),
+        ('[columns]\nN = { column = "thrust_N", unit = "kg" }', r"'kg' cannot be turned into N"),
+        ('[columns]\nN = { column = "shaft_speed_rad_s", unit = "Hz" }', r"does not say what turns"),
+        ('[columns]\nN = { column = "thrust_N", unit = "datetime" }', r"is for time_s only"),
+        ('[columns]\nN = "thrust_N"\nM = "thrust_N"', r"thrust_N is given by more than one"),
+        ("[column]\nN = 1", r"column is not a known key \(allowed: columns\)"),
+    ],
+)  # fmt: skip
+def test_bad_map_is_named(load: Load, calm: pd.DataFrame, text: str, words: str) -> None:
+    with pytest.raises(RecordingError, match=rf"map\.toml: .*{words}"):
+        load(calm, text or "\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('Thrust = "thrust_N"', r"column 'Thrust' of the column map is missing; found: time_s"),
+        ('extra = "pitch_ratio"', r"pitch_ratio is in the recording and given by 'extra' as well"),
+        ('time_s = { column = "time_s", unit = "datetime" }', r"'time_s' as time_s"),
+    ],
+)
+def test_map_that_does_not_fit_is_named(
+    load: Load, calm: pd.DataFrame, line: str, words: str
+) -> None:
+    table = calm.assign(extra=1.0).astype({"time_s": str}).assign(time_s="tomorrow or so")
+    with pytest.raises(RecordingError, match=rf"r\.csv: {words}"):
+        load(table, f"[columns]\n{line}")

@@ -1,0 +1,73 @@
+"""Recordings that are diagnosed together: files, checked recordings, tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from shaftline.mismatch import Recording
+from shaftline.mismatch.recordings.joint import LEAST_ROWS, load_jointly
+from shaftline.plant import RecordingError, Ship
+
+
+def recording(name: str, limits: tuple[str, ...] = (), warnings: tuple[str, ...] = ()) -> Recording:
+    table = pd.DataFrame({"time_s": [0.1 * i for i in range(LEAST_ROWS)]})
+    return Recording(Path("runs") / name, table, 0.1, {}, warnings, limits)
+
+
+def test_files_recordings_and_tables_go_together(
+    frigate: Ship, calm: pd.DataFrame, tmp_path: Path
+) -> None:
+    calm.to_csv(tmp_path / "a.csv", index=False)
+    told: list[tuple[str, int, int]] = []
+    checked = recording("b.csv")
+    found = load_jointly(
+        frigate, [str(tmp_path / "a.csv"), checked], [calm], tick=lambda *said: told.append(said)
+    )
+    assert found.held_out == 1
+    pd.testing.assert_frame_equal(found.tables[0], calm)
+    assert found.tables[1] is checked.table
+    assert found.tables[2] is calm
+    assert told == [("reading and checking", i, 3) for i in range(4)]
+    assert (found.limits, found.warnings) == ([], [])
+
+
+def test_files_are_read_by_their_column_map(
+    frigate: Ship, calm: pd.DataFrame, tmp_path: Path
+) -> None:
+    calm.rename(columns={"ship_speed_m_s": "STW"}).to_csv(tmp_path / "a.csv", index=False)
+    (tmp_path / "map.toml").write_text('[columns]\nSTW = "ship_speed_m_s"\n')
+    found = load_jointly(frigate, [tmp_path / "a.csv"], columns=tmp_path / "map.toml")
+    assert "ship_speed_m_s" in found.tables[0]
+
+
+def test_one_recording_speaks_for_itself(frigate: Ship) -> None:
+    found = load_jointly(frigate, [recording("a.csv", ("dull",), ("clipped",))])
+    assert (found.limits, found.warnings) == (["dull"], ["clipped"])
+
+
+def test_of_several_each_is_named_and_limits_count_where_all_have_them(frigate: Ship) -> None:
+    dull, good = recording("a.csv", ("dull",)), recording("b.csv", (), ("clipped",))
+    short = recording("c.csv", ("short",), ("late",))
+    one = load_jointly(frigate, [dull, good])
+    assert one.limits == []
+    assert one.warnings == ["b.csv: clipped", "a.csv: dull"]
+    # what is set aside limits nothing, and does not lift the others' limits
+    both = load_jointly(frigate, [dull, short], [good])
+    assert both.limits == ["a.csv: dull", "c.csv: short"]
+    assert both.warnings == ["c.csv: late", "b.csv: clipped"]
+    aside = load_jointly(frigate, [good], [dull])
+    assert (aside.limits, aside.held_out) == ([], 1)
+
+
+def test_what_cannot_be_fitted_is_refused(frigate: Ship, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no recording to fit"):
+        load_jointly(frigate, [], [recording("a.csv")])
+    with pytest.raises(ValueError, match=r"a\.csv is given twice"):
+        load_jointly(frigate, [tmp_path / "a.csv"], [str(tmp_path / "a.csv")])
+    table = recording("b.csv").table
+    load_jointly(frigate, [table])
+    with pytest.raises(RecordingError, match="table: 39 rows; at least 40 are needed"):
+        load_jointly(frigate, [table.iloc[1:]])

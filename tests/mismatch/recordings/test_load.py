@@ -1,0 +1,155 @@
+"""Recordings through every check: what is read, what is kept, what is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.mismatch import fetch, load_recording
+from shaftline.plant import RecordingError, Schedule, Ship, equilibrium, load_ship, simulate
+
+from .conftest import Load
+from .trials import COLUMNS, EFFECTS, NOISE, voyage
+
+
+def test_a_good_recording_comes_through_unchanged(load: Load, calm: pd.DataFrame) -> None:
+    found = load(calm.assign(remark="calm"))
+    assert found.channels == tuple(COLUMNS)
+    assert found.interval_s == pytest.approx(0.1)
+    assert (found.warnings, found.limits, len(found)) == ((), (), len(calm))
+    for column in calm:
+        np.testing.assert_allclose(found[column], calm[column], rtol=1e-12)
+    for column, rms in NOISE.items():
+        assert found.noise[column].white_rms == pytest.approx(rms, rel=0.1)
+    assert "thrust_N" not in found
+
+
+def test_parquet_and_csv_are_the_same(frigate: Ship, calm: pd.DataFrame, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    calm.to_parquet(tmp_path / "r.parquet")
+    found = load_recording(tmp_path / "r.parquet", frigate)
+    pd.testing.assert_frame_equal(found.table, calm)
+    (tmp_path / "bad.parquet").write_text("no parquet")
+    with pytest.raises(RecordingError, match=r"bad\.parquet: cannot be read as Parquet"):
+        load_recording(tmp_path / "bad.parquet", frigate)
+
+
+@pytest.mark.parametrize("sea", [None, "state-6"])
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_real_effects_are_not_refused(
+    load: Load, frigate: Ship, effect: str, sea: str | None
+) -> None:
+    found = load(voyage(frigate.with_values(EFFECTS[effect]), sea))
+    assert found.warnings == ()
+
+
+@pytest.mark.parametrize(("rack", "begins"), [(24.0, 8.0), (12.0, 27.0)], ids=["speeds", "slows"])
+def test_getting_under_way_is_not_taken_for_a_wrong_unit(
+    load: Load, frigate: Ship, calm: pd.DataFrame, rack: float, begins: float
+) -> None:
+    start = equilibrium(frigate, begins, 1.2).state
+    samples = simulate(frigate, Schedule(rack, 1.2), 100.0, initial=start)[:-1:2]
+    names = ["measured_pitch_ratio", "shaft_speed", "measured_shaft_torque", "measured_ship_speed"]
+    values = dict(zip(NOISE, (samples[name] for name in names), strict=True))
+    orders = {"fuel_rack_mm": rack, "pitch_ratio_command": 1.2}
+    found = load(pd.DataFrame({"time_s": 0.1 * np.arange(1000)} | orders | values))
+    assert any(sentence.startswith("dull: fuel_rack_mm") for sentence in found.limits)
+
+
+def test_missing_and_empty_are_named(load: Load, calm: pd.DataFrame, tmp_path: Path) -> None:
+    with pytest.raises(
+        RecordingError, match=r"column 'shaft_speed_rad_s' is missing; needed: time"
+    ):
+        load(calm.drop(columns="shaft_speed_rad_s"))
+    with pytest.raises(RecordingError, match=r"r\.csv: 0 row\(s\)"):
+        load(calm.iloc[:0])
+    with pytest.raises(RecordingError, match=r"nowhere\.csv: cannot be read"):
+        load_recording(tmp_path / "nowhere.csv", load_ship("frigate"))
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[str]:
+    """A folder with one recording, on this machine's own network."""
+    (tmp_path / "public").mkdir()
+    (tmp_path / "public" / "run.csv").write_bytes(b"time_s\n0\n")
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            pass
+
+    handler = partial(Quiet, directory=str(tmp_path / "public"))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as http:
+        threading.Thread(target=http.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{http.server_port}"
+        http.shutdown()
+
+
+def test_fetch_checks_and_keeps(server: str, tmp_path: Path) -> None:
+    digest = hashlib.sha256(b"time_s\n0\n").hexdigest()
+    checksums = tmp_path / "checksums.txt"
+    checksums.write_text(f"# runs\nrun.csv sha256:{digest}\ngone.csv sha256:{digest}\n")
+    found = fetch("run.csv", server, checksums, tmp_path / "kept")
+    assert found.read_bytes() == b"time_s\n0\n"
+    (tmp_path / "public" / "run.csv").unlink()
+    assert fetch("run.csv", server, checksums, tmp_path / "kept") == found
+    for name in ("gone.csv", "other.csv"):
+        with pytest.raises(RecordingError, match=name):
+            fetch(name, server, checksums, tmp_path / "kept")
+
+
+def test_fetch_refuses_what_was_changed(server: str, tmp_path: Path) -> None:
+    (tmp_path / "checksums.txt").write_text(f"run.csv sha256:{'0' * 64}\n")
+    with pytest.raises(RecordingError, match="hash"):
+        fetch("run.csv", server, tmp_path / "checksums.txt", tmp_path / "kept")
+    assert not (tmp_path / "kept" / "run.csv").exists()
+
+
+THRUSTER = """
+name = "thruster"
+[water]
+density_kg_m3 = 1000.0
+[hull]
+fixed = true
+[propeller]
+model = "bollard"
+diameter_m = 0.1
+torque_coefficient = 0.03
+thrust_coefficient = 0.38
+[prime_mover]
+type = "dc-motor"
+motor_constant_V_s_rad = 0.0186
+armature_resistance_ohm = 1.0
+voltage_max_V = 5.0
+[transmission]
+gear_ratio = 1.0
+efficiency = 1.0
+inertia_engine_side_kg_m2 = 2.5e-5
+inertia_propeller_side_kg_m2 = 0.0
+[integration]
+time_step_s = 0.005
+"""
+
+
+def test_real_thruster_runs_are_accepted(tmp_path: Path) -> None:
+    folder = Path(os.environ.get("SHAFTLINE_DATA", "")) / "recordings" / "rov_thruster"
+    if "SHAFTLINE_DATA" not in os.environ or not folder.is_dir():
+        pytest.skip(
+            "needs recordings/rov_thruster in the folder SHAFTLINE_DATA (docs/recordings.md)"
+        )
+    (tmp_path / "thruster.toml").write_text(THRUSTER)
+    ship = load_ship(tmp_path / "thruster.toml")
+    files = sorted(folder.glob("*.csv"))
+    assert len(files) == 9
+    for file in files:
+        found = load_recording(file, ship)
+        assert found.interval_s == pytest.approx(0.04)
+        assert found.noise["shaft_speed_rad_s"].white_rms > 0.0

@@ -1,0 +1,104 @@
+"""Slips told by the nominal ship: other units, other signs, swapped names, dead channels."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.plant import RecordingError, Ship, load_ship
+from shaftline.plant.replay import simulate_recording
+
+from .conftest import Load
+from .trials import COLUMNS, EFFECTS, RPM, degrees, voyage
+
+SLIPS = [
+    ("shaft_speed_rad_s", RPM, 'unit = "rpm"'),
+    ("shaft_speed_rad_s", 0.5 / math.pi, 'unit = "rps"'),
+    ("shaft_speed_rad_s", 7.38, "scale = 0.1355"),
+    ("shaft_speed_rad_s", 7.38 * RPM, 'unit = "rpm", scale = 0.1355'),
+    ("shaft_speed_rad_s", -1.0, "sign = -1"),
+    ("shaft_torque_N_m", 1e-3, 'unit = "kN m"'),
+    ("shaft_torque_N_m", 1 / 7.38, "scale = 7.38"),
+    ("shaft_torque_N_m", -1.0, "sign = -1"),
+    ("shaft_torque_N_m", -1e-3, 'unit = "kN m", sign = -1'),
+    ("ship_speed_m_s", 3600 / 1852, 'unit = "knot"'),
+    ("ship_speed_m_s", 3.6, 'unit = "km/h"'),
+    ("ship_speed_m_s", -1.0, "sign = -1"),
+    ("fuel_rack_mm", 0.1, 'unit = "cm"'),
+    ("fuel_rack_mm", 1e-3, 'unit = "m"'),
+    ("fuel_rack_mm", 2.5, "scale = 0.4"),
+    ("fuel_rack_mm", -1.0, "sign = -1"),
+    ("pitch_ratio", 100.0, 'unit = "percent"'),
+    ("pitch_ratio", -1.0, "sign = -1"),
+    ("pitch_ratio", degrees, 'unit = "deg"'),
+    ("pitch_ratio_command", 100.0, 'unit = "percent"'),
+    ("pitch_ratio_command", -1.0, "sign = -1"),
+    ("pitch_ratio_command", degrees, 'unit = "deg"'),
+]
+
+
+@pytest.mark.parametrize("effect", ["nominal", "gauge-low", "friction"])
+@pytest.mark.parametrize(
+    ("column", "change", "advice"), SLIPS, ids=[f"{c}-{a}" for c, _, a in SLIPS]
+)
+def test_slips_are_named_and_the_advice_mends_them(
+    load: Load, frigate: Ship, effect: str, column: str, change: object, advice: str
+) -> None:
+    table = voyage(frigate.with_values(EFFECTS[effect]), "state-5")
+    table[column] = change(table[column]) if callable(change) else change * table[column]
+    with pytest.raises(RecordingError) as refused:
+        load(table)
+    message = str(refused.value)
+    assert f"r.csv: {column} looks like" in message
+    assert advice in message
+    assert len(message.splitlines()) == 1
+    full = advice.replace("0.1355", "0.135501")
+    load(table, f'[columns]\n{column} = {{ column = "{column}", {full} }}')
+
+
+@pytest.mark.parametrize("begins", [0.0, -0.9], ids=["from-rest", "astern"])
+@pytest.mark.parametrize(
+    ("change", "advice"),
+    [(1.0, ""), (-1.0, "sign = -1"), (RPM, 'unit = "rpm"'), (-RPM, 'unit = "rpm", sign = -1')],
+    ids=["right", "turned", "rpm", "rpm-turned"],
+)
+def test_a_motor_that_runs_astern(load: Load, begins: float, change: float, advice: str) -> None:
+    ship = load_ship("tito-neri-staircase")
+    top, time = float(ship.record()["drive_max"]), 0.1 * np.arange(600)
+    volts = top * np.where(time < 40.0, -0.5 - 0.4 * (time // 5 % 2 == 0), 0.3)
+    first = {"pitch_ratio": 1.0, "ship_speed_m_s": 0.0}
+    first["shaft_speed_rad_s"] = begins * top / float(ship.record()["motor_constant"])
+    orders = pd.DataFrame({"time_s": time, "motor_voltage_V": volts} | first)
+    table = simulate_recording(ship, orders)[["time_s", "motor_voltage_V", "shaft_speed_rad_s"]]
+    table["shaft_speed_rad_s"] *= change
+    if not advice:
+        load(table, ship=ship)
+        return
+    with pytest.raises(RecordingError, match="shaft_speed_rad_s looks like") as refused:
+        load(table, ship=ship)
+    assert advice in str(refused.value)
+
+
+@pytest.mark.parametrize("effect", ["nominal", "gauge-low", "friction"])
+@pytest.mark.parametrize("pair", combinations(COLUMNS, 2), ids="-".join)
+def test_swapped_columns_are_named(
+    load: Load, frigate: Ship, effect: str, pair: tuple[str, str]
+) -> None:
+    a, b = pair
+    if effect == "friction" and pair == ("shaft_speed_rad_s", "ship_speed_m_s"):
+        pytest.skip("with a quarter less torque either order of these two is equally far off")
+    table = voyage(frigate.with_values(EFFECTS[effect]), "state-5")
+    with pytest.raises(RecordingError, match=rf"r\.csv: {a} .* and {b} .* look swapped"):
+        load(table.rename(columns={a: b, b: a}))
+
+
+@pytest.mark.parametrize("column", ["shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"])
+def test_dead_channel_is_refused(load: Load, calm: pd.DataFrame, column: str) -> None:
+    with pytest.raises(RecordingError, match=rf"{column} is constant at .* in every row"):
+        load(calm.assign(**{column: calm[column].mean()}))
+    with pytest.raises(RecordingError, match=rf"{column} is constant at 0 "):
+        load(calm.assign(**{column: 0.0}))

@@ -1,0 +1,74 @@
+"""A diagnosis as plain text."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from shaftline.mismatch.report.text import aligned, summary
+
+from ..diagnoses import candidate, diagnosis_of
+
+
+def test_columns_are_aligned_under_their_heads() -> None:
+    rows = [
+        {"name": "a", "value": "1.0", "note": ""},
+        {"name": "long one", "value": "10.0", "note": "x"},
+    ]
+    assert aligned(rows, ["value"]) == (
+        "name      value  note\n"
+        "a           1.0\n"
+        "long one   10.0  x"
+    )  # fmt: skip
+    assert aligned([]) == ""
+
+
+def test_a_summary_has_answer_findings_fit_and_notes() -> None:
+    found = diagnosis_of("explained", limits=["dull: a"], warnings=["b"])
+    finding = replace(
+        found.findings[0],
+        rivals=(
+            candidate("viscous-friction (engine)", 343.0, 700.0),
+            candidate("coulomb-friction (engine)", 340.0, 1.0),
+        ),
+    )  # fmt: skip
+    text = summary(replace(found, findings=[finding]))
+    assert text == "\n".join(
+        [
+            f"explained: {found.sentence}",
+            "",
+            "What is missing (evidence in 2 log L)",
+            "effect            balance  parameter                         value  95 % from    to  unit"
+            "  evidence  threshold  or equally",
+            "coulomb-friction  engine   coulomb_friction_engine_side_N_m   8000       6950  9050  N m"
+            "      347.0       10.5  viscous-friction (engine)",
+            "",
+            "FitPercent, 100 is perfect",
+            "channel            before  after",
+            "pitch_ratio          84.5   99.4",
+            "shaft_speed_rad_s    84.5   99.4",
+            "judged on 180 to 240 s, which was set aside before anything was fitted",
+            "",
+            "note: dull: a",
+            "note: b",
+        ]
+    )
+
+
+def test_the_second_parameter_stands_below_the_first() -> None:
+    found = diagnosis_of("explained")
+    two = replace(found.findings[0], estimates=found.findings[0].estimates * 2)
+    lines = summary(replace(found, findings=[two])).splitlines()
+    first, second = (line for line in lines if "coulomb_friction_engine_side" in line)
+    assert first.startswith("coulomb-friction  engine")
+    assert second.split() == ["coulomb_friction_engine_side_N_m", "8000", "6950", "9050", "N", "m"]
+
+
+def test_a_constant_channel_says_so() -> None:
+    found = diagnosis_of(
+        "nothing-missing", fit_before={"pitch_ratio": 84.5}, fit_after={"pitch_ratio": 99.4}
+    )
+    lines = summary(found).splitlines()
+    (line,) = (line for line in lines if line.startswith("shaft_speed_rad_s"))
+    assert line.split(maxsplit=1) == ["shaft_speed_rad_s", "constant: no FitPercent"]
+    assert "What is missing" not in summary(found)
+    assert "note:" not in summary(found)

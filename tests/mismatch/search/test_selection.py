@@ -1,0 +1,226 @@
+"""The search's own arithmetic, on models whose scores are given."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from shaftline.mismatch import Effect
+from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.selection import REFINED, TELL_APART, Selector, threshold
+
+from ..toy import entry
+
+DEAD_TIME = entry("engine-dead-time (engine)")
+LAG = entry("engine-torque-lag (engine)")
+FOULING = entry("hull-fouling (hull)")
+CURRENT = entry("current (hull)")
+EPISODE = entry("resistance-episode (hull)")
+BEND = entry("engine-torque-curvature (engine)")
+DERATING = entry("engine-derating (engine)")
+N = 6000
+
+
+class Scores:
+    """Stands for the fitter: what each set of effects is worth, and how much refining adds."""
+
+    def __init__(self, worth: dict[Any, float], refining: float = 0.0) -> None:
+        self.worth = {frozenset(k if isinstance(k, tuple) else (k,)): v for k, v in worth.items()}
+        self.worth.setdefault(frozenset(), 0.0)
+        self.refining = refining
+        self.bands = SimpleNamespace(starts=(0, 5000), ends=(4000, 7000))  # N rows
+        self.trial_ship = SimpleNamespace(trials=self._trials, smallest=self._smallest)
+        self.null = self.fitted(())
+        self.refined_labels: list[str] = []
+        self.jointly: list[tuple[str, ...]] = []
+
+    def _trials(self, effect: Effect, windows: Any) -> Any:
+        yield Placed(effect, (1.0,))
+        yield Placed(effect, (2.0,))
+
+    def _smallest(self, effect: Effect, windows: Any) -> Any:
+        yield Placed(effect, (1.0,))
+
+    def scaled(self, base: Any, placed: Placed) -> Placed | None:
+        return None
+
+    def score(self, effects: tuple[Placed, ...]) -> float:
+        """A probe of 1 is worth half of what one of 2 is."""
+        names = frozenset(p.effect.label for p in effects)
+        if names not in self.worth:
+            return sum(self.score((p,)) for p in effects)
+        half = any(p.values[0] == 1.0 for p in effects)
+        return self.worth[names] * (0.5 if half else 1.0)
+
+    def fitted(self, effects: tuple[Placed, ...]) -> Any:
+        return SimpleNamespace(effects=effects, score=self.score(effects))
+
+    def refined(self, fit: Any, which: int) -> Any:
+        self.refined_labels.append(fit.effects[which].effect.label)
+        return SimpleNamespace(effects=fit.effects, score=fit.score + self.refining)
+
+    def joint(self, fit: Any, evaluations: int = 90) -> Any:
+        self.jointly.append(tuple(p.effect.label for p in fit.effects))
+        return fit
+
+
+def selector(scores: Scores, *effects: Effect) -> Selector:
+    return Selector(scores, list(effects), [], lambda *_: None)  # type: ignore[arg-type]
+
+
+def test_the_threshold_is_p_ln_n_and_twice_ln_k() -> None:
+    assert threshold(2, 1000, 20) == pytest.approx(2.0 * math.log(1000.0) + 2.0 * math.log(20.0))
+    assert threshold(1, 1000, 1) == pytest.approx(math.log(1000.0) + 2.0 * math.log(2.0))
+
+
+def test_a_window_counts_as_two_parameters() -> None:
+    search = selector(Scores({}), LAG, EPISODE, BEND)
+    chance = 2.0 * math.log(3.0)
+    assert search.samples == N
+    assert search.threshold(LAG) == pytest.approx(math.log(N) + chance)
+    assert search.threshold(EPISODE) == pytest.approx(3.0 * math.log(N) + chance)
+    assert search.threshold(BEND) == pytest.approx(2.0 * math.log(N) + chance)
+
+
+def test_a_screen_ranks_by_what_exceeds_the_threshold() -> None:
+    limit = math.log(N)
+    scores = Scores({BEND.label: 300.0 + 0.9 * limit, LAG.label: 300.0, FOULING.label: 40.0})
+    told = []
+    search = selector(scores, FOULING, BEND, LAG)
+    search.tick = lambda *said: told.append(said)
+    found = search.screen(scores.null, "screening")
+    assert [c.effect for c in found] == [LAG, BEND, FOULING]  # one parameter more costs ln N
+    assert found[0].gain == 300.0
+    assert found[0].placed == Placed(LAG, (2.0,))  # the better of its probes
+    assert told == [("screening", i, 3) for i in range(4)]
+
+
+def test_what_is_named_is_not_tried_again_in_its_balance() -> None:
+    scores = Scores({LAG.label: 300.0, FOULING.label: 40.0})
+    base = scores.fitted((Placed(LAG, (2.0,)),))
+    assert [c.effect for c in selector(scores, LAG, FOULING).screen(base, "")] == [FOULING]
+
+
+def test_a_screen_tries_the_size_that_the_smallest_probe_points_to() -> None:
+    scores = Scores({LAG.label: 300.0})
+    scores.scaled = lambda base, placed: placed.with_values([2.0])  # type: ignore[method-assign]
+    scores.trial_ship.trials = lambda effect, windows: iter([Placed(effect, (1.0,))])
+    (found,) = selector(scores, LAG).screen(scores.null, "")
+    assert (found.gain, found.placed.values) == (300.0, (2.0,))
+
+
+def test_a_model_that_runs_away_is_left_out() -> None:
+    scores = Scores({LAG.label: -math.inf, FOULING.label: 40.0})
+    assert [c.effect for c in selector(scores, LAG, FOULING).screen(scores.null, "")] == [FOULING]
+
+
+@pytest.mark.parametrize(("second", "count"), [(101.0, 2), (99.0, 1)])
+def test_only_what_comes_near_the_best_is_refined(second: float, count: int) -> None:
+    scores = Scores({LAG.label: 400.0, FOULING.label: second}, refining=3.0)
+    search = selector(scores, LAG, FOULING)
+    found = search.refine(scores.null, search.screen(scores.null, ""))
+    assert len(found) == count
+    assert found[0].gain == 403.0
+
+
+def test_at_most_five_are_refined_and_none_that_gains_nothing() -> None:
+    effects = [LAG, DEAD_TIME, FOULING, CURRENT, DERATING, BEND]
+    scores = Scores({e.label: 400.0 for e in effects})
+    search = selector(scores, *effects)
+    assert len(search.refine(scores.null, search.screen(scores.null, ""))) == REFINED == 5
+    idle = Scores({LAG.label: 0.9})
+    search = selector(idle, LAG)
+    assert search.refine(idle.null, search.screen(idle.null, "")) == []
+    some = Scores({LAG.label: 1.1})
+    search = selector(some, LAG)
+    assert len(search.refine(some.null, search.screen(some.null, ""))) == 1
+
+
+def test_nothing_below_its_threshold_is_named() -> None:
+    limit = math.log(N) + 2.0 * math.log(2.0)
+    for gain, names in ((0.999 * limit, ()), (1.001 * limit, (LAG,))):
+        found = selector(Scores({LAG.label: gain, FOULING.label: 1.5}), LAG, FOULING).search()
+        assert tuple(p.effect for p in found.fit.effects) == names
+    assert found.thresholds == pytest.approx((limit,))
+    assert found.gains == pytest.approx((1.001 * limit,))
+
+
+@pytest.mark.parametrize(("behind", "told_apart"), [(5.9, False), (6.1, True)])
+def test_names_are_told_apart_from_six_on(behind: float, told_apart: bool) -> None:
+    assert TELL_APART == 6.0
+    scores = Scores(
+        {LAG.label: 300.0, DEAD_TIME.label: 300.0 - behind, (LAG.label, DEAD_TIME.label): 300.0}
+    )
+    found = selector(scores, LAG, DEAD_TIME).search()
+    (rivals,) = found.rivals
+    assert [c.effect for c in rivals] == ([] if told_apart else [DEAD_TIME])
+
+
+@pytest.mark.parametrize(("behind", "told_apart"), [(9.9, False), (10.1, True)])
+def test_of_a_large_gain_a_hundredth_tells_nothing_apart(behind: float, told_apart: bool) -> None:
+    scores = Scores(
+        {LAG.label: 1000.0, DEAD_TIME.label: 1000.0 - behind, (LAG.label, DEAD_TIME.label): 1000.0}
+    )
+    (rivals,) = selector(scores, LAG, DEAD_TIME).search().rivals
+    assert bool(rivals) is not told_apart
+
+
+def test_the_ranking_tells_the_first_round_by_gain() -> None:
+    scores = Scores(
+        {
+            LAG.label: 300.0,
+            FOULING.label: 60.0,
+            BEND.label: 310.0,
+            (LAG.label, FOULING.label): 360.0,
+        },
+        refining=2.0,
+    )
+    found = selector(scores, FOULING, LAG, BEND).search()
+    assert [(c.effect, c.gain) for c in found.ranking] == [
+        (BEND, 312.0),
+        (LAG, 302.0),
+        (FOULING, 60.0),  # not worth refining beside those
+    ]
+
+
+def test_effects_are_added_while_they_pass_and_three_at_most() -> None:
+    worth: dict[Any, float] = {
+        LAG.label: 400.0, FOULING.label: 300.0, DERATING.label: 200.0, CURRENT.label: 100.0,
+    }  # fmt: skip
+    scores = Scores(worth)
+    found = selector(scores, CURRENT, DERATING, FOULING, LAG).search()
+    assert [p.effect for p in found.fit.effects] == [LAG, FOULING, DERATING]
+    assert found.gains == pytest.approx((400.0, 300.0, 200.0))
+    assert scores.jointly[0] == (LAG.label, FOULING.label)
+    assert len(found.thresholds) == len(found.rivals) == 3
+
+
+@pytest.mark.parametrize(
+    ("own_share", "kept"), [(0.99, [FOULING, CURRENT]), (1.01, [LAG, FOULING, CURRENT])]
+)
+def test_an_effect_that_a_later_one_makes_superfluous_is_dropped(
+    own_share: float, kept: list[Effect]
+) -> None:
+    limit = math.log(N) + 2.0 * math.log(3.0)
+    three = 700.0 + 2.0 * limit
+    scores = Scores(
+        {
+            LAG.label: 400.0, FOULING.label: 300.0, CURRENT.label: 100.0,
+            (LAG.label, FOULING.label): 700.0,
+            (LAG.label, FOULING.label, CURRENT.label): three,
+            (FOULING.label, CURRENT.label): three - own_share * limit,
+        }
+    )  # fmt: skip
+    found = selector(scores, LAG, FOULING, CURRENT).search()
+    assert [p.effect for p in found.fit.effects] == kept
+    assert found.fit.score == scores.score(found.fit.effects)
+
+
+def test_gains_are_those_beside_the_others() -> None:
+    scores = Scores({LAG.label: 400.0, FOULING.label: 300.0, (LAG.label, FOULING.label): 500.0})
+    found = selector(scores, LAG, FOULING).search()
+    assert found.fit.score == 500.0
+    assert found.gains == (200.0, 100.0)

@@ -1,0 +1,129 @@
+"""Effects put onto a ship, and where each is first tried."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.trial_ship import TrialShip
+from shaftline.plant import load_ship
+
+from ..toy import FRICTION, SPEED, Toy, entry, white
+
+ENGINE_FRICTION = entry("coulomb-friction (engine)")
+EPISODE = entry("resistance-episode (hull)")
+
+
+@pytest.fixture(scope="module")
+def toy() -> Any:
+    return Toy({}, white(0, 1.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def trial_ship(toy: Any) -> TrialShip:
+    return TrialShip(toy)
+
+
+def test_an_effect_sets_its_keys(trial_ship: TrialShip) -> None:
+    assert trial_ship.settings(Placed(ENGINE_FRICTION, (8000.0,))) == {FRICTION: 8000.0}
+    episode = trial_ship.settings(Placed(EPISODE, (0.5,), (60.0, 150.0)))
+    assert episode == {
+        "hull.episode_resistance_fraction": 0.5,
+        "hull.episode_start_s": 60.0,
+        "hull.episode_end_s": 150.0,
+    }
+    air = trial_ship.settings(Placed(entry("ventilation (propeller)"), (0.4, 1.0)))
+    assert air["ventilation.thrust_loss"] == pytest.approx(0.46)
+    assert air["ventilation.recovery_submergence"] == pytest.approx(1.15)
+    assert trial_ship.settings(Placed(ENGINE_FRICTION, (1e9,))) == {FRICTION: 1e7}  # its range
+    wake = trial_ship.settings(Placed(entry("wake-speed-dependence (propeller)"), (0.02,)))
+    assert wake["hull.wake_reference_speed_m_s"] == 7.0  # the mean of the nominal voyage
+
+
+def test_records_and_ships_carry_the_same_numbers(trial_ship: TrialShip) -> None:
+    effects = (Placed(ENGINE_FRICTION, (8000.0,)), Placed(EPISODE, (0.5,), (60.0, 150.0)))
+    record, ship = trial_ship.record(effects), trial_ship.corrected(effects)
+    assert record.tobytes() == ship.record().tobytes()
+    assert ship.number(FRICTION).value == 8000.0
+    assert trial_ship.record(()).tobytes() == trial_ship.nominal.tobytes()
+    assert trial_ship.corrected(()) == trial_ship.ship
+
+
+def test_an_effect_is_absent_at_the_ship_s_own_value() -> None:
+    rubbing: Any = Toy(
+        {}, white(0, 1.0, 1.0), ship=load_ship("frigate").with_values({FRICTION: 900.0})
+    )
+    own = TrialShip(rubbing)
+    friction, gain = (
+        ENGINE_FRICTION.parameters[0],
+        entry("torque-sensor-gain (sensor)").parameters[0],
+    )
+    assert own.neutral(friction) == own.origin(friction) == 900.0
+    assert own.neutral(gain) == own.origin(gain) == 1.0
+    limit = entry("rack-rate-limit (engine)").parameters[0]
+    assert own.neutral(limit) == math.inf
+    assert own.origin(limit) == 0.0
+    bend_at = entry("engine-torque-curvature (engine)").parameters[1]
+    assert bend_at.absolute
+    assert own.neutral(bend_at) == 0.0
+
+
+def test_probes_are_scaled_by_the_nominal_voyage(trial_ship: TrialShip, toy: Any) -> None:
+    friction = ENGINE_FRICTION.parameters[0]
+    assert friction.of == "torque"
+    assert trial_ship.probes(friction) == pytest.approx([2e5 * p for p in friction.probes])
+    rms = float(np.sqrt(np.mean(SPEED**2)))
+    viscous = entry("viscous-friction (engine)").parameters[0]
+    assert trial_ship.probes(viscous) == pytest.approx([2e5 / rms * p for p in viscous.probes])
+    bend, bend_at = entry("engine-torque-curvature (engine)").parameters
+    engine = 7.38 * float(np.mean(SPEED))
+    assert trial_ship.probes(bend_at) == pytest.approx([p * engine for p in bend_at.probes])
+    scale = 3e4 / (7.38 * rms) ** 2
+    both = [-p * scale for p in reversed(bend.probes)] + [p * scale for p in bend.probes]
+    assert trial_ship.probes(bend) == pytest.approx(both)
+
+
+def test_probes_start_from_the_ship_s_own_value_and_stay_in_range(trial_ship: TrialShip) -> None:
+    gain = entry("torque-sensor-gain (sensor)").parameters[0]
+    steps = [*(-p for p in reversed(gain.probes)), *gain.probes]
+    assert gain.signed
+    assert trial_ship.probes(gain) == pytest.approx([1.0 + p for p in steps])
+    fouling = entry("hull-fouling (hull)").parameters[0]
+    low, high = trial_ship.range_of(fouling)
+    assert (low, high) == (-0.5, 3.0)
+    assert trial_ship.probes(fouling) == [-0.3, -0.1, -0.03, 0.03, 0.1, 0.3, 0.8]  # not -0.8
+    ship = load_ship("frigate").with_values({fouling.key: 2.9})
+    near: Any = Toy({}, white(0, 1.0, 1.0), ship=ship)
+    assert TrialShip(near).probes(fouling) == pytest.approx([2.1, 2.6, 2.8, 2.87, 2.93, 3.0])
+
+
+def test_trials_are_all_combinations(trial_ship: TrialShip) -> None:
+    bend = entry("engine-torque-curvature (engine)")
+    trials = list(trial_ship.trials(bend, [(0.0, 9.0)]))
+    one, two = (trial_ship.probes(p) for p in bend.parameters)
+    assert [t.values for t in trials] == [(a, b) for a in one for b in two]
+    assert {t.window for t in trials} == {None}
+    windows = [(0.0, 50.0), (50.0, 90.0)]
+    episodes = list(trial_ship.trials(EPISODE, windows))
+    assert [t.window for t in episodes[:: len(episodes) // 2]] == windows
+    assert list(trial_ship.trials(EPISODE, [])) == []
+
+
+def test_the_smallest_trials_are_those_nearest_to_none(trial_ship: TrialShip) -> None:
+    (smallest,) = trial_ship.smallest(ENGINE_FRICTION, [])
+    assert smallest.values == (trial_ship.probes(ENGINE_FRICTION.parameters[0])[0],)
+    bend = entry("engine-torque-curvature (engine)")
+    near = list(trial_ship.smallest(bend, []))
+    scale = min(p for p in trial_ship.probes(bend.parameters[0]) if p > 0.0)
+    assert [t.values[0] for t in near] == [scale] * len(
+        bend.parameters[1].probes
+    )  # the positive one
+    current = entry("current (hull)")
+    assert current.parameters[0].signed
+    (drift,) = trial_ship.smallest(current, [])
+    assert drift.values[0] == min(p for p in trial_ship.probes(current.parameters[0]) if p > 0.0)
+    assert len(list(trial_ship.smallest(EPISODE, [(0.0, 50.0), (50.0, 90.0)]))) == 2

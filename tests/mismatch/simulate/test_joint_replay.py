@@ -1,0 +1,126 @@
+"""Several recordings replayed end to end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.mismatch.simulate.joint_replay import JointReplay
+from shaftline.plant import Ship
+from shaftline.plant.replay import Replay
+
+from ..voyages import frigate_voyage
+
+FIRST, SECOND = frigate_voyage(seconds=20.0, seed=1), frigate_voyage(seconds=30.0, seed=2)
+OVER_S = 2.0  # 40 steps of 0.05 s
+
+
+@pytest.fixture(scope="module")
+def both(frigate: Ship) -> JointReplay:
+    return JointReplay(frigate, FIRST, SECOND)
+
+
+def test_recordings_stand_end_to_end(both: JointReplay) -> None:
+    assert both.segments == [(0, 101), (101, 252)]
+    assert both.rows == 252
+    assert both.interval_s == pytest.approx(0.2)
+    assert both.time_s == pytest.approx(0.2 * np.arange(252))
+    assert both.drive_rows == pytest.approx([*FIRST["fuel_rack_mm"], *SECOND["fuel_rack_mm"]])
+    assert both.command == pytest.approx(
+        [*FIRST["pitch_ratio_command"], *SECOND["pitch_ratio_command"]]
+    )
+    assert not both.inflow_rows.any()
+    assert both.controllable
+
+
+def test_each_starts_from_its_own_state(both: JointReplay, frigate: Ship) -> None:
+    alone = [Replay(frigate, table, OVER_S) for table in (FIRST, SECOND)]
+    expected = np.concatenate([run.simulate(frigate.record()) for run in alone])
+    assert (both.simulate(frigate.record()) == expected).all()
+    assert both.start == alone[0].start
+    assert both.start[1] == pytest.approx(FIRST["shaft_speed_rad_s"][:5].mean())  # 1/20 of the rows
+
+
+def test_the_first_states_are_shifted_alike(both: JointReplay, frigate: Ship) -> None:
+    plain = both.simulate(frigate.record())
+    moved = both.simulate(frigate.record(), (0.01, 0.2, -0.3))
+    for first, _ in both.segments:
+        change = [
+            moved[name][first] - plain[name][first]
+            for name in ("pitch_ratio", "shaft_speed", "ship_speed")
+        ]
+        assert change == pytest.approx([0.01, 0.2, -0.3])
+
+
+def test_channels_are_measured_and_simulated_alike(both: JointReplay, frigate: Ship) -> None:
+    measured = both.measured()
+    assert list(measured) == [
+        "pitch_ratio",
+        "shaft_speed_rad_s",
+        "shaft_torque_N_m",
+        "ship_speed_m_s",
+    ]
+    assert measured["ship_speed_m_s"] == pytest.approx(
+        [*FIRST["ship_speed_m_s"], *SECOND["ship_speed_m_s"]]
+    )
+    samples = both.simulate(frigate.record())
+    simulated = both.simulated(samples)
+    assert list(simulated) == list(measured)
+    assert (simulated["shaft_torque_N_m"] == samples["measured_shaft_torque"]).all()
+
+
+def test_what_the_water_did_is_joined(frigate: Ship) -> None:
+    tables = [
+        table.assign(
+            propeller_submergence_m=4.0 + 0.1 * i, inflow_velocity_m_s=0.9 * table["ship_speed_m_s"]
+        )
+        for i, table in enumerate((FIRST, SECOND))
+    ]
+    found = JointReplay(frigate, *tables)
+    assert found.elevation_rows == pytest.approx(np.repeat([0.0, 0.1], [101, 151]))
+    expected = -0.05 * np.concatenate([table["ship_speed_m_s"] for table in tables])
+    assert found.inflow_rows == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        SECOND.drop(columns="shaft_torque_N_m"),
+        SECOND.assign(time_s=1.02 * SECOND["time_s"]),
+    ],
+    ids=["columns", "interval"],
+)
+def test_recordings_that_do_not_go_together_are_named(frigate: Ship, other: pd.DataFrame) -> None:
+    with pytest.raises(ValueError, match="recording 3 has other columns or another interval than"):
+        JointReplay(frigate, FIRST, SECOND, other)
+    JointReplay(frigate, FIRST, SECOND.assign(time_s=1.005 * SECOND["time_s"]))
+
+
+def steady(rack: object = 20.0, pitch: object = 1.2) -> pd.DataFrame:
+    return FIRST.assign(fuel_rack_mm=rack, pitch_ratio_command=pitch)
+
+
+@pytest.mark.parametrize(("rise", "excited"), [(0.051, True), (0.049, False)])
+def test_demands_excite_where_they_move_a_twentieth_of_their_size(
+    frigate: Ship, rise: float, excited: bool
+) -> None:
+    half = np.arange(101) < 50
+    assert not JointReplay(frigate, steady()).excited
+    moving = np.where(half, 20.0 * (1.0 - rise), 20.0)
+    assert JointReplay(frigate, steady(rack=moving)).excited is excited
+    assert (
+        JointReplay(frigate, steady(pitch=np.where(half, 1.2, 1.2 * (1.0 - rise)))).excited
+        is excited
+    )
+    # the largest counts whatever its sign
+    assert (
+        JointReplay(frigate, steady(pitch=np.where(half, -1.2, -1.2 * (1.0 - rise)))).excited
+        is excited
+    )
+
+
+def test_a_demand_that_moves_for_a_moment_does_not_excite(frigate: Ship) -> None:
+    rows = np.arange(101)
+    assert not JointReplay(frigate, steady(rack=np.where(rows < 2, 10.0, 20.0))).excited
+    assert JointReplay(frigate, steady(rack=np.where(rows < 4, 10.0, 20.0))).excited

@@ -1,0 +1,31 @@
+"""A number with its unit, bounds and errors."""
+
+from __future__ import annotations
+
+import pytest
+
+from shaftline.mismatch import Estimate
+from shaftline.plant import Ship, ShipError
+
+FRICTION = "transmission.coulomb_friction_engine_side_N_m"
+
+
+def test_the_ship_says_unit_bounds_and_what_changes_nothing(frigate: Ship) -> None:
+    found = Estimate.of(frigate.with_values({FRICTION: 500.0}), FRICTION, 8000.0, 100.0)
+    assert found == Estimate(FRICTION, 8000.0, "N m", (0.0, 1e7), 500.0, 100.0, 0.0)
+    assert found.name == "coulomb_friction_engine_side_N_m"
+    other = Estimate.of(frigate, FRICTION, 8000.0, 100.0, neutral=1.0, form_error=3.0)
+    assert (other.neutral, other.form_error) == (1.0, 3.0)
+    with pytest.raises(ShipError, match=r"hull\.colour is not a known key"):
+        Estimate.of(frigate, "hull.colour", 1.0, 0.1)
+
+
+def test_the_interval_is_1_96_standard_errors_and_the_form_s(frigate: Ship) -> None:
+    assert Estimate.of(frigate, FRICTION, 8000.0, 100.0).ci95 == pytest.approx((7804.0, 8196.0))
+    both = Estimate.of(frigate, FRICTION, 8000.0, 100.0 * 3.0 / 1.96, form_error=400.0)
+    assert both.ci95 == pytest.approx((7500.0, 8500.0))  # in quadrature
+
+
+def test_as_data_it_is_value_and_interval(frigate: Ship) -> None:
+    found = Estimate.of(frigate, FRICTION, 8000.0, 100.0).to_dict()
+    assert found == {"value": 8000.0, "ci95": [8000.0 - 196.0, 8000.0 + 196.0]}

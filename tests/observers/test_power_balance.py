@@ -1,0 +1,25 @@
+"""The gauge's torque taken for the propeller's, sample by sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shaftline.observers import get_observer
+
+from .screw import DT, SHIP, Screw, noisy_readings, sampled
+
+
+def test_each_estimate_is_the_inverse_of_its_own_sample() -> None:
+    readings = noisy_readings(30)
+    after = sampled(get_observer("power-balance").discretise(SHIP, DT), readings)
+    expected = [Screw().velocity(torque, w, pitch) for w, torque, pitch, _, _ in readings]
+    assert [e["advance_velocity"] for e in after] == pytest.approx(expected, rel=1e-9)
+    assert np.ptp(expected) > 0.5
+    assert all(e["valid"] for e in after)
+
+
+@pytest.mark.parametrize("torque", [9e5, -9e5])
+def test_off_the_curve_it_is_not_valid(torque: float) -> None:
+    record = get_observer("power-balance").discretise(SHIP, DT)
+    assert sampled(record, [(10.0, torque, 1.3, 0.0, 8.0)])[0]["valid"] == 0
