@@ -71,7 +71,6 @@ def test_a_recipe_asks_for_no_more_places_than_the_house_allows(recipe: str) -> 
 
 NO_TEST = "has no test in its mirror yet"
 NEEDED = {
-    "observer-PowerBalance": NO_TEST,
     "reward-term-torque_swing_kN_m": NO_TEST,
     "drive-TorqueSource": NO_TEST,
     "drive-DcMotor": NO_TEST,

@@ -65,7 +65,7 @@ class Fitter:
         self.trial_ship = TrialShip(balances)
         self.simulations = 0
         replay = balances.replay
-        self.measured = bands.transform(balances.residuals(replay.measured()))
+        self.measured = bands.transform(balances.residuals(replay.measured))
         self._cache: dict[bytes, Complex] = {}
         nominal = self.predicted(self.trial_ship.nominal)
         columns = []

@@ -86,7 +86,7 @@ class Toy:
         self.nominal = self.simulated(self.nominal_samples)
         record = self.ship.with_values(truth).record()
         true = self.simulate(record)
-        self._measured = {
+        self.measured = {
             name: true[name] + row for name, row in zip(self.names, noise, strict=True)
         }
 
@@ -106,14 +106,11 @@ class Toy:
     def simulated(self, samples: dict[str, Array]) -> dict[str, Array]:
         return {name: samples[name] for name in self.names}
 
-    def measured(self) -> dict[str, Array]:
-        return self._measured
-
     def residuals(self, channels: dict[str, Array]) -> Array:
         return np.array([channels[name] for name in self.names])
 
     def lacking(self, simulated: dict[str, Array]) -> Array:
-        return self.residuals(self.measured()) - self.residuals(simulated)
+        return self.residuals(self.measured) - self.residuals(simulated)
 
 
 def bands() -> Bands:

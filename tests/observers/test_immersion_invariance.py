@@ -108,6 +108,10 @@ def test_estimate_may_go_astern_but_is_not_valid_there() -> None:
         assert after["advance_velocity"] == pytest.approx(max(start, lowest), rel=1e-9)
 
 
+def test_an_estimate_that_has_run_away_is_never_valid() -> None:
+    assert held(1e200, 10.0, 1e5)["valid"] == 0
+
+
 @pytest.mark.parametrize(("w", "follows"), [(0.00099, False), (0.00101, True)])
 def test_a_shaft_at_rest_holds_the_estimate(w: float, follows: bool) -> None:
     estimate = np.zeros(1, ESTIMATE)[0]

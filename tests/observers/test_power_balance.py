@@ -6,17 +6,23 @@ import numpy as np
 import pytest
 
 from shaftline.observers import get_observer
+from shaftline.observers.power_balance import PowerBalance
 
 from .screw import DT, SHIP, Screw, noisy_readings, sampled
 
 
 def test_each_estimate_is_the_inverse_of_its_own_sample() -> None:
     readings = noisy_readings(30)
-    after = sampled(get_observer("power-balance").discretise(SHIP, DT), readings)
+    after = sampled(PowerBalance().discretise(SHIP, DT), readings)
     expected = [Screw().velocity(torque, w, pitch) for w, torque, pitch, _, _ in readings]
     assert [e["advance_velocity"] for e in after] == pytest.approx(expected, rel=1e-9)
     assert np.ptp(expected) > 0.5
     assert all(e["valid"] for e in after)
+
+
+def test_there_is_nothing_to_tune() -> None:
+    assert get_observer("power-balance") == PowerBalance()
+    assert not PowerBalance.tunings
 
 
 @pytest.mark.parametrize("torque", [9e5, -9e5])
