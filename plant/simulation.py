@@ -140,7 +140,8 @@ def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.fl
     array = np.asarray(value(times) if callable(value) else value, dtype=np.float64)
     if not np.all(np.isfinite(array)):
         raise ValueError(f"{name} holds a value that is not finite")
-    return np.ascontiguousarray(np.broadcast_to(array, times.shape))
+    # a copy of one's own: the kernel would be compiled anew for arrays that may not be written to
+    return np.array(np.broadcast_to(array, times.shape), order="C")
 
 
 def simulate(
