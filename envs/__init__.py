@@ -1,4 +1,10 @@
-"""The Gymnasium environment around the plant; importing it registers ``shaftline/Frigate-v0``."""
+"""The Gymnasium environment around the plant; importing it registers ``shaftline/Frigate-v0``.
+
+``Sb3Frigates`` needs ``pip install 'shaftline[train]'`` and is imported when first used: torch takes
+seconds.
+"""
+
+from typing import TYPE_CHECKING, Any
 
 from gymnasium.envs.registration import register, registry
 
@@ -6,6 +12,9 @@ from .frigate import FrigateEnv, FrigateVectorEnv
 from .rewards import TERMS, Weights
 from .settings import DEFAULTS, Settings
 from .tasks import Task, get_task, tasks
+
+if TYPE_CHECKING:
+    from .sb3 import Sb3Frigates
 
 if "shaftline/Frigate-v0" not in registry:
     register(
@@ -15,6 +24,15 @@ if "shaftline/Frigate-v0" not in registry:
     )
 
 __all__ = [
-    "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Settings", "Task", "Weights",
-    "get_task", "tasks",
+    "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Sb3Frigates", "Settings", "Task",
+    "Weights", "get_task", "tasks",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """What needs torch."""
+    if name != "Sb3Frigates":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from .sb3 import Sb3Frigates
+
+    return Sb3Frigates

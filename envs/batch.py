@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -134,23 +135,28 @@ class Batch:
         """Control intervals since the last reset, shape (n,)."""
         return np.asarray(self.environments["episode"]["elapsed"])
 
+    def begin(self, options: Mapping[str, Any] | None) -> Begin:
+        """How episodes begin under the options of a reset.
+
+        Raises:
+            ValueError: an unknown option, or a value out of range.
+        """
+        known = self.table["ship_speed"]
+        return Begin.of(options, self.task, (float(known[0]), float(known[-1])))
+
     def reset(self, i: int, rng: np.random.Generator, begin: Begin) -> None:
         """Begin a new episode of environment ``i``.
 
         Args:
             i: which.
             rng: everything that is drawn comes from it.
-            begin: what the options of the reset say.
+            begin: from :meth:`begin`.
         """
         task, episode, plant = self.task, self.arrays.episodes[i], self.arrays.plants[i]
         self.arrays.plants[i] = self._plant
         for number, width in self._varied:
             number.write(plant, number.value * rng.uniform(1.0 - width, 1.0 + width))
-        sea = begin.seas[int(rng.integers(len(begin.seas)))]
-        wave_seed = int(rng.integers(2**31))
-        self.arrays.seas[i] = (
-            realise(drawn(sea, rng), self.ship.propeller.depth_m, wave_seed) if sea else calm()
-        )
+        self.arrays.seas[i] = self._sea(rng, begin)
         self.arrays.episodes[i] = np.zeros(1, EPISODE)[0]
         episode["random"] = rng.integers(2**63, dtype=np.uint64)
         orders = rng.uniform(*task.speed_order_m_s, MAX_ORDERS)
@@ -165,6 +171,16 @@ class Batch:
         episode["resistance_phase"] = rng.uniform(0.0, 2.0 * math.pi)
         speed = begin.initial_speed_m_s
         self._start(i, float(episode["orders"][0]) if speed is None else speed)
+
+    def _sea(self, rng: np.random.Generator, begin: Begin) -> Any:
+        """SEA record of an episode."""
+        which = int(rng.integers(len(self.seas_to_draw)))
+        wave_seed = int(rng.integers(2**31))
+        sea = drawn(self.seas_to_draw[which], rng)
+        if begin.seas is not None:  # from a stream of its own: all else is as it would be without
+            rng = np.random.default_rng([wave_seed, 1])
+            sea = drawn(begin.seas[int(rng.integers(len(begin.seas)))], rng)
+        return realise(sea, self.ship.propeller.depth_m, wave_seed) if sea else calm()
 
     def _start(self, i: int, speed: float) -> None:
         """Put environment ``i`` where the ship, calm and at a speed [m/s], would be."""

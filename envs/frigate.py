@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -20,7 +21,7 @@ from .dashboard import Dashboard
 from .kernel import ENDINGS, RUNNING
 from .records import TRUTHS
 from .rewards import TERMS
-from .settings import Begin, Settings
+from .settings import Settings
 
 
 def observation_space() -> spaces.Box:
@@ -100,7 +101,7 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises:
             ValueError: an unknown option, or a value out of range.
         """
-        begin = Begin.of(options, self.batch.task, self.batch.seas_to_draw)
+        begin = self.batch.begin(options)
         super().reset(seed=seed)
         self.batch.reset(0, self.np_random, begin)
         self.batch.observe(np.array([0]))
@@ -159,7 +160,7 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         self._shares = 2 * workers
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
         self._rngs: list[np.random.Generator] = []
-        self._begin = Begin.of(None, self.batch.task, self.batch.seas_to_draw)
+        self._begin = self.batch.begin(None)
 
     def reset(
         self,
@@ -174,14 +175,19 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             options: see :class:`FrigateEnv`.
 
         Raises:
-            ValueError: an unknown option, or a value out of range.
+            ValueError: an unknown option, a value out of range, or too few or many seeds.
         """
-        self._begin = Begin.of(options, self.batch.task, self.batch.seas_to_draw)
+        begin = self.batch.begin(options)
         if seed is not None or not self._rngs:
-            seeds = seed if isinstance(seed, list) else None
-            if seeds is None:
-                seeds = [None if seed is None else seed + i for i in range(self.num_envs)]  # type: ignore[operator]
+            seeds: Sequence[int | None] = (
+                seed
+                if isinstance(seed, list)
+                else [None if seed is None else seed + i for i in range(self.num_envs)]
+            )
+            if len(seeds) != self.num_envs:
+                raise ValueError(f"{len(seeds)} seeds are given for {self.num_envs} environments")
             self._rngs = [gymnasium.utils.seeding.np_random(s)[0] for s in seeds]
+        self._begin = begin
         for i, rng in enumerate(self._rngs):
             self.batch.reset(i, rng, self._begin)
         self.batch.observe(np.arange(self.num_envs))

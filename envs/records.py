@@ -49,15 +49,15 @@ TRUTH = np.dtype(
         ("advance_velocity", np.float64),  # [m/s]
         ("thrust", np.float64),  # of one propeller [N]
         ("fuel_flow", np.float64),  # of all engines [kg/s]
-        ("ventilation", np.float64),  # [-]
+        ("ventilation", np.float64),  # at the step's end [-]
         ("ship_speed", np.float64),  # [m/s]
         ("shaft_speed", np.float64),  # [rad/s]
         ("shaft_torque", np.float64),  # at the gauge [N m]
         ("brake_torque", np.float64),  # of one engine [N m]
-        ("position", np.float64),  # along the track [m]
+        ("position", np.float64),  # along the track, at the step's end [m]
     ]
 )
-"""What ``info`` tells of the truth, at an interval's last step."""
+"""What ``info`` tells of the truth: at the beginning of an interval's last step, as the observation."""
 
 TRUTHS: tuple[str, ...] = TRUTH.names or ()
 """Its names."""

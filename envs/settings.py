@@ -59,8 +59,8 @@ class Settings:
         """Settings from keywords.
 
         Raises:
-            ValueError: an unknown keyword, an unknown action mode, or an episode shorter than a control
-                interval.
+            ValueError: an unknown keyword, an unknown action mode, a time that is not positive, or an
+                episode shorter than a control interval.
         """
         known = [field.name for field in fields(Settings)]
         unknown = sorted(set(keywords) - set(known))
@@ -71,6 +71,9 @@ class Settings:
             raise ValueError(
                 f"unknown action_mode {found.action_mode!r}; known: {', '.join(ACTION_MODES)}"
             )
+        for name in ("control_interval_s", "episode_s"):
+            if not 0.0 < getattr(found, name) < math.inf:
+                raise ValueError(f"{name} = {getattr(found, name)!r} s: must be above 0 and finite")
         if found.intervals < 1:
             raise ValueError(
                 f"episode_s = {found.episode_s!r} s is shorter than a control interval of "
@@ -110,7 +113,8 @@ def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
         task: the task.
 
     Raises:
-        ValueError: a sea that does not exist, or a range whose ends are the wrong way round.
+        ValueError: a sea that does not exist, none at all, or a range whose ends are the wrong way
+            round.
     """
     if choice is None:
         choice = task.seas
@@ -123,17 +127,21 @@ def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
     if isinstance(choice, Mapping):
         ends = {name: np.atleast_1d(value).tolist() for name, value in choice.items()}
         for name, pair in ends.items():
-            if len(pair) > 2 or pair[0] > pair[-1]:
+            if len(pair) not in (1, 2) or pair[0] > pair[-1]:
                 raise ValueError(
                     f"sea[{name!r}] = {choice[name]!r}: must be a number, or a lowest and a highest"
                 )
         low, high = ({name: pair[end] for name, pair in ends.items()} for end in (0, -1))
         return [(Sea(**low), Sea(**high))]
+    if not isinstance(choice, Sequence) or not choice:
+        raise ValueError(f"sea = {choice!r}: must be a preset, parameters, or a list of those")
     return [sea for item in choice for sea in seas_of(item, task)]
 
 
-def drawn(sea: SeaRange, rng: np.random.Generator) -> Sea:
-    """One sea of a range."""
+def drawn(sea: SeaRange | None, rng: np.random.Generator) -> Sea | None:
+    """One sea of a range; None is calm water, and draws nothing."""
+    if sea is None:
+        return None
     low, high = (end.model_dump() for end in sea)
     return Sea(**{name: float(rng.uniform(low[name], high[name])) for name in low})
 
@@ -194,68 +202,73 @@ def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
             )
 
 
+OPTIONS = ("sea", "speed_order_m_s", "order_interval_s", "initial_speed_m_s", "resistance_rise")
+"""What ``reset(options=...)`` takes."""
+
+
 @dataclass(frozen=True)
 class Begin:
     """How an episode begins, where ``reset(options=...)`` says it.
 
     Args:
-        seas: to draw from.
+        seas: to draw from; None leaves them to the environment.
         orders: ordered ship speeds [m/s], one an order interval, the last held; None draws them.
         order_interval_s: [s].
         initial_speed_m_s: ship speed [m/s] at which the episode begins; the first order by default.
         resistance_rise: of the mean resistance [-]; None draws it.
     """
 
-    seas: list[SeaRange | None]
+    seas: list[SeaRange | None] | None
     orders: NDArray[np.float64] | None
     order_interval_s: float
     initial_speed_m_s: float | None
     resistance_rise: float | None
 
     @staticmethod
-    def of(options: Mapping[str, Any] | None, task: Task, seas: list[SeaRange | None]) -> Begin:
-        """From the options of a reset: ``sea``, ``speed_order_m_s`` (a number, or one for each order
-        interval), ``order_interval_s``, ``initial_speed_m_s``, ``resistance_rise``.
+    def of(options: Mapping[str, Any] | None, task: Task, speeds: tuple[float, float]) -> Begin:
+        """From the options of a reset, :data:`OPTIONS`.
 
         Args:
             options: of the reset, or None.
             task: decides what the options leave open.
-            seas: of the environment.
+            speeds: lowest and highest at which the ship can begin [m/s].
 
         Raises:
             ValueError: an unknown option, or a value out of range.
         """
         given = dict(options or {})
-        known = (
-            "sea", "speed_order_m_s", "order_interval_s", "initial_speed_m_s", "resistance_rise",
-        )  # fmt: skip
-        unknown = sorted(set(given) - set(known))
+        unknown = sorted(set(given) - set(OPTIONS))
         if unknown:
-            raise ValueError(f"unknown option {unknown[0]!r}; known: {', '.join(known)}")
+            raise ValueError(f"unknown option {unknown[0]!r}; known: {', '.join(OPTIONS)}")
         orders = None
         if "speed_order_m_s" in given:
-            asked = np.atleast_1d(np.asarray(given["speed_order_m_s"], dtype=np.float64))
+            asked = np.atleast_1d(given["speed_order_m_s"])
             if asked.ndim != 1 or not 1 <= len(asked) <= MAX_ORDERS:
                 raise ValueError(f"options: speed_order_m_s: 1 to {MAX_ORDERS} orders are needed")
-            orders = np.concatenate([asked, np.full(MAX_ORDERS - len(asked), asked[-1])])
-            _within("speed_order_m_s", float(asked.min()), 0.0, 40.0, "m/s")
-            _within("speed_order_m_s", float(asked.max()), 0.0, 40.0, "m/s")
+            orders = np.empty(MAX_ORDERS)
+            orders[: len(asked)] = [
+                _within("speed_order_m_s", order, 0.0, 40.0, "m/s") for order in asked
+            ]
+            orders[len(asked) :] = orders[len(asked) - 1]
         interval = _within(
             "order_interval_s", given.get("order_interval_s", task.order_interval_s),
             1e-3, math.inf, "s",
         )  # fmt: skip
         speed, rise = given.get("initial_speed_m_s"), given.get("resistance_rise")
         return Begin(
-            seas_of(given["sea"], task) if "sea" in given else seas,
+            seas_of(given["sea"], task) if "sea" in given else None,
             orders,
             interval,
-            None if speed is None else _within("initial_speed_m_s", speed, 0.0, 40.0, "m/s"),
+            None if speed is None else _within("initial_speed_m_s", speed, *speeds, "m/s"),
             None if rise is None else _within("resistance_rise", rise, -0.9, 10.0, "-"),
         )
 
 
 def _within(name: str, value: Any, low: float, high: float, unit: str) -> float:
-    number = float(value)
-    if not low <= number <= high or math.isnan(number):
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not low <= number <= high:
         raise ValueError(f"options: {name} = {value!r}: must be {low:g} to {high:g} {unit}")
     return number

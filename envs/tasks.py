@@ -5,9 +5,9 @@ from __future__ import annotations
 import functools
 import tomllib
 from importlib import resources
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from .rewards import Weights
 
@@ -16,11 +16,21 @@ class _Model(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] > ends[1]:
+        raise ValueError("the lowest value must stand first")
+    return ends
+
+
+Range = Annotated[tuple[float, float], AfterValidator(_rising)]
+"""Lowest and highest value of what an episode draws."""
+
+
 class HeldOut(_Model):
     """What a task's training never draws, to judge on."""
 
     seas: tuple[str, ...] = Field(min_length=1)
-    resistance_rise: tuple[float, float]
+    resistance_rise: Range
     resistance_swing: float = Field(ge=0, lt=1)
 
 
@@ -29,9 +39,9 @@ class Task(_Model):
 
     description: str
     seas: tuple[str, ...] = Field(min_length=1, description="presets, one drawn an episode")
-    speed_order_m_s: tuple[float, float] = Field(description="range of the orders")
+    speed_order_m_s: Range = Field(description="range of the orders")
     order_interval_s: float = Field(gt=0, description="time between new orders")
-    resistance_rise: tuple[float, float] = Field(description="range of the mean rise")
+    resistance_rise: Range = Field(description="range of the mean rise")
     resistance_swing: float = Field(ge=0, lt=1, description="amplitude of the slow swing")
     weights: Weights
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..plant.ship import Ship, key_info
+from ..plant.ship import Ship
 
 HALF_95 = 1.96
 """Half of a normal variable's 95 % interval, in standard errors."""
@@ -58,9 +58,10 @@ class Estimate:
         Raises:
             ShipError: unknown key.
         """
-        info = key_info(key, ship)
+        number = ship.number(key)
+        info = number.info
         if neutral is None:
-            neutral = ship.number(key).value
+            neutral = number.value
         return cls(
             key, value, info.unit, (info.low, info.high), neutral, standard_error, form_error
         )

@@ -27,7 +27,6 @@ from .judge.whiteness import Whiteness
 from .options import Options
 from .progress import Tick, silent
 from .recordings.joint import JointRecordings, Recorded, load_jointly
-from .recordings.noise import describe
 from .search.catalogue import applicable
 from .search.fitting import Fitter
 from .search.placed import Window
@@ -67,13 +66,8 @@ def diagnose(
     with threadpool_limits(1, "blas"):
         replay = JointReplay(ship, *together.tables)
         balances = Balances(replay)
-        first = together.tables[0]
-        noise = {
-            c: describe(first[c].to_numpy(dtype=np.float64), replay.interval_s).white_rms
-            for c in replay.channels
-        }
-        whiteness, held = _parted(balances, together.held_out, options.tolerance, noise)
-        effects = applicable(ship, set(first.columns), options.exclude)
+        whiteness, held = _parted(balances, together.held_out, options.tolerance)
+        effects = applicable(ship, set(together.tables[0].columns), options.exclude)
         selector = Selector(whiteness.fitter, effects, _episodes(balances), tick)
         selection = selector.search()
         tick("judging on the data set aside", 0, 1)
@@ -82,14 +76,12 @@ def diagnose(
         return diagnosis
 
 
-def _parted(
-    balances: Balances, runs: int, tolerance: float, noise: dict[str, float]
-) -> tuple[Whiteness, Segments]:
+def _parted(balances: Balances, runs: int, tolerance: float) -> tuple[Whiteness, Segments]:
     """Set data aside; not a part that alone holds all that is missing, for nothing could be learnt."""
     parted = []
     for train, held in set_aside(balances.replay, runs):
         fitter = Fitter(balances, bands_of(balances, train), tolerance)
-        parted.append((Whiteness(fitter, noise), held))
+        parted.append((Whiteness(fitter, balances.replay.noise_rms), held))
         if parted[-1][0].colour(fitter.null) is not None:
             return parted[-1]
     return parted[0]
@@ -115,7 +107,7 @@ def _judged(
     """What the search has found, judged on the data set aside and located."""
     fitter = selector.fitter
     balances, replay = fitter.balances, fitter.balances.replay
-    measured = replay.measured()
+    measured = replay.recorded
     lacking = balances.lacking(balances.nominal)
     judge = held_out_judge(fitter, held)
     selection = confirmed(selection, fitter, judge)

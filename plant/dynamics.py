@@ -16,17 +16,7 @@ from .hull import resistance, wake_inflow, water_speed
 from .propeller import propeller_load
 from .shaft import drive_torque, gauge_torque, load_torque, shaft_inertia
 from .state import LAGGING, Inputs, Outputs, State, moved, without_rates
-from .term_kernel import (
-    DRIVE,
-    DRIVE_TORQUE,
-    INFLOW,
-    LOAD_TORQUE,
-    PITCH_RATE,
-    RESISTANCE,
-    THRUST,
-    Heard,
-    added,
-)
+from .term_kernel import Heard, added
 from .unexplained import ENGINE, HULL, PITCH_ACTUATOR, PROPELLER, unexplained
 from .ventilation import can_ventilate, ventilation_rate
 
@@ -73,9 +63,16 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         state.shaft_speed, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
         submergence, inputs.time,
     )  # fmt: skip
+    more_thrust = more_drive_torque = more_load_torque = more_resistance = added_pitch_rate = 0.0
     if plant.term_count > 0:
-        kinematic = kinematic + added(plant, INFLOW, heard)
-        demand = demand + added(plant, DRIVE, heard)
+        more = added(plant, heard)
+        kinematic = kinematic + more.inflow_velocity
+        demand = demand + more.drive
+        more_thrust = more.thrust
+        more_drive_torque = more.drive_torque
+        more_load_torque = more.load_torque
+        more_resistance = more.resistance
+        added_pitch_rate = more.pitch_rate
     inflow_rate = 0.0
     advance = kinematic
     if plant.inflow_lag > 0.0:
@@ -91,13 +88,11 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     load_behind = load_torque(plant, propeller_torque, state.shaft_speed)
     drag = resistance(plant, speed, inputs.resistance_factor)
     thrust = load.thrust
-    pitch_rate_lacking = 0.0
     if plant.term_count > 0:
-        thrust = thrust + added(plant, THRUST, heard)
-        drive = drive + added(plant, DRIVE_TORQUE, heard)
-        load_behind = load_behind + added(plant, LOAD_TORQUE, heard)
-        drag = drag + added(plant, RESISTANCE, heard)
-        pitch_rate_lacking = added(plant, PITCH_RATE, heard)
+        thrust = thrust + more_thrust
+        drive = drive + more_drive_torque
+        load_behind = load_behind + more_load_torque
+        drag = drag + more_resistance
     push = plant.propellers * (1.0 - plant.thrust_deduction) * thrust  # eq. 2-6
     if plant.unexplained_balance != 0:
         lacking = unexplained(
@@ -110,7 +105,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         elif plant.unexplained_balance == HULL:
             push = push + lacking
         elif plant.unexplained_balance == PITCH_ACTUATOR:
-            pitch_rate_lacking = pitch_rate_lacking + lacking
+            added_pitch_rate = added_pitch_rate + lacking
     return Loads(
         advance,
         submergence,
@@ -126,7 +121,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         inflow_rate,
         mover.brake_torque_rate,
         mover.current_rate,
-        pitch_rate_lacking,
+        added_pitch_rate,
     )
 
 

@@ -223,13 +223,3 @@ def _record(ship: Ship) -> Any:
     sections = [getattr(ship, name) for name in type(ship).model_fields]
     own = [section for section in sections if isinstance(section, Section)]
     return record_of(own, ship.prime_mover.code, ship.term)
-
-
-def record_name(dotted: str, ship: Ship) -> str:
-    """Field of the ship's record that a dotted key sets."""
-    return ship.number(dotted).field
-
-
-def key_info(dotted: str, ship: Ship) -> KeyInfo:
-    """Unit, range and neutral value of a dotted key."""
-    return ship.number(dotted).info

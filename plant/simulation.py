@@ -68,7 +68,7 @@ def trajectory(
     """Simulate one ship's record and keep every sample: :func:`simulate` without its checks.
 
     Args:
-        plant: PLANT record; :func:`shaftline.plant.ship.record_name` tells which field a key sets.
+        plant: PLANT record; :meth:`shaftline.plant.Ship.number` tells which field a key sets.
         state: STATE record, the initial state; the final one afterwards.
         memory: MEMORY record, filled from the initial state whatever it held.
         sea: SEA record, changed in place.
@@ -140,7 +140,8 @@ def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.fl
     array = np.asarray(value(times) if callable(value) else value, dtype=np.float64)
     if not np.all(np.isfinite(array)):
         raise ValueError(f"{name} holds a value that is not finite")
-    return np.ascontiguousarray(np.broadcast_to(array, times.shape))
+    # a copy of one's own: the kernel would be compiled anew for arrays that may not be written to
+    return np.array(np.broadcast_to(array, times.shape), order="C")
 
 
 def simulate(

@@ -15,9 +15,6 @@ MAX_TERMS, MAX_OPERATIONS, MAX_CONSTANTS, MAX_DEPTH = 6, 64, 24, 12
  TANH, SIN, COS, ARCTAN, MIN, MAX) = range(20)  # fmt: skip
 """Operations."""
 
-(DRIVE, INFLOW, THRUST, DRIVE_TORQUE, LOAD_TORQUE, RESISTANCE, PITCH_RATE) = range(7)
-"""Places where a term may act; their names stand in :data:`shaftline.plant.terms.PLACES`."""
-
 
 class Heard(NamedTuple):
     """Signals at one instant, in the order of :data:`shaftline.plant.terms.SIGNALS`."""
@@ -32,13 +29,24 @@ class Heard(NamedTuple):
     time: Real
 
 
+class Added(NamedTuple):
+    """What a ship's terms add at each place, in the order of :data:`shaftline.plant.terms.PLACES`."""
+
+    drive: Real  # [mm | V | N m]
+    inflow_velocity: Real  # [m/s]
+    thrust: Real  # of one propeller [N]
+    drive_torque: Real  # [N m]
+    load_torque: Real  # [N m]
+    resistance: Real  # [N]
+    pitch_rate: Real  # [1/s]
+
+
 @compiled_apart
-def added(plant: Record, place: int, heard: Heard) -> Real:
-    """Sum of a ship's terms at one place, 0 where it has none there.
+def added(plant: Record, heard: Heard) -> Added:
+    """Sums of a ship's terms, place by place; 0 where it has none.
 
     Args:
         plant: ship record.
-        place: one of the places above.
         heard: the signals.
     """
     signals = np.array([
@@ -46,10 +54,8 @@ def added(plant: Record, place: int, heard: Heard) -> Real:
         heard.advance_velocity, heard.submergence, heard.time,
     ])  # fmt: skip
     stack = np.empty(MAX_DEPTH, signals.dtype)
-    total = 0.0 * signals[0]
+    sums = np.zeros(7, signals.dtype)
     for slot in range(plant.term_count):
-        if plant.term_place[slot] != place:
-            continue
         top = -1
         for k in range(plant.term_length[slot]):
             code, index = plant.term_code[slot, k], plant.term_index[slot, k]
@@ -64,8 +70,8 @@ def added(plant: Record, place: int, heard: Heard) -> Real:
                 stack[top] = _of_two(code, stack[top], stack[top + 1])
             else:
                 stack[top] = _of_one(code, stack[top])
-        total = total + stack[0]
-    return total
+        sums[plant.term_place[slot]] += stack[0]
+    return Added(sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6])
 
 
 @compiled_apart

@@ -82,9 +82,8 @@ def run_episodes(
         episode_s=setting.episode_s,
     )
     interval = env.batch.interval_s
-    gear = env.batch.ship.transmission.gear_ratio
     observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
-    sums = EpisodeSums(setting.seeds)
+    sums = EpisodeSums(setting.seeds, interval, env.batch.ship.transmission.gear_ratio)
     alive = np.ones(setting.seeds, dtype=bool)
     starting = alive.copy()
     state: Any = None
@@ -93,7 +92,7 @@ def run_episodes(
     while alive.any():
         action, state = controller.predict(observation, state, starting, deterministic=True)
         observation, reward, terminated, truncated, info = env.step(action)
-        sums.add(alive, info, reward, order, interval, gear)
+        sums.add(alive, info, reward, order)
         if alive[0]:
             last = info["final_obs"][0] if terminated[0] or truncated[0] else observation[0]
             seen = readings(last)
@@ -102,12 +101,11 @@ def run_episodes(
                 [len(trace) * interval, order[0], seen.pitch_ratio[0], seen.fuel_rack[0], *truth,
                  seen.advance_velocity[0], seen.estimate_valid[0]]
             )  # fmt: skip
-        sums.failed |= alive & terminated
         starting = terminated | truncated
         alive &= ~starting
         order = readings(observation).speed_order
     env.close()
-    return sums.kpis(interval), np.array(trace, dtype=np.float64)
+    return sums.kpis(), np.array(trace, dtype=np.float64)
 
 
 TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTHS, "estimate", "valid")

@@ -2,39 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-
-KPIS = {
-    "fuel_kg_nmi": "fuel per nautical mile [kg]",
-    "speed_error_rms_m_s": "rms of ship speed minus order [m/s]",
-    "speed_mean_m_s": "distance over time [m/s]",
-    "speed_short_m_s": "mean of order minus ship speed [m/s]",
-    "torque_sd_kN_m": "standard deviation of the shaft torque [kN m]",
-    "torque_peak_kN_m": "highest shaft torque [kN m]",
-    "rack_travel_mm_min": "travel of the rack command [mm/min]",
-    "overload_s": "time beyond the engine's envelope [s]",
-    "shaft_speed_peak_rad_s": "highest shaft speed [rad/s]",
-    "overspeed_s": "time beyond the engine's highest speed [s]",
-    "cavitation_s": "time beyond Burrill's limit [s]",
-    "ventilation_s": "time ventilating [s]",
-    "thrust_mean_kN": "mean thrust of one propeller [kN]",
-    "power_mean_kW": "mean brake power of one engine [kW]",
-    "power_peak_kW": "highest brake power of one engine [kW]",
-    "failed": "episodes that stalled or tripped [share]",
-    "reward": "sum of rewards",
-}
-"""Key performance indicators of an episode, by column."""
+from numpy.typing import NDArray
 
 _NAUTICAL_MILE = 1852.0
 
 
 class EpisodeSums:
-    """Running sums of the KPIs, one entry a seed."""
+    """Running sums of the KPIs, one entry a seed.
 
-    def __init__(self, n: int) -> None:
+    Args:
+        n: episodes.
+        interval_s: control interval [s].
+        gear_ratio: engine speed over shaft speed [-].
+    """
+
+    def __init__(self, n: int, interval_s: float, gear_ratio: float) -> None:
+        self.interval_s, self.gear_ratio = interval_s, gear_ratio
         self.count, self.fuel, self.error, self.torque, self.square = np.zeros((5, n))
         self.peak, self.travel, self.overload, self.overspeed = np.zeros((4, n))
         self.fastest = np.zeros(n)
@@ -42,19 +30,18 @@ class EpisodeSums:
         self.power, self.power_peak, self.distance, self.short = np.zeros((4, n))
         self.failed = np.zeros(n, dtype=bool)
 
-    def add(
-        self,
-        alive: Any,
-        info: dict[str, Any],
-        reward: Any,
-        order: Any,
-        interval: float,
-        gear: float,
-    ) -> None:
-        """Take one control interval of those episodes that still run."""
-        terms = info["reward_terms"]
+    def add(self, alive: Any, info: dict[str, Any], reward: Any, order: Any) -> None:
+        """Take one control interval of those episodes that still run.
+
+        Args:
+            alive: which those are, shape (n,).
+            info: of the vector environment.
+            reward: shape (n,).
+            order: ordered ship speed [m/s] that was shown before the interval, shape (n,).
+        """
+        terms, interval = info["reward_terms"], self.interval_s
         torque = info["shaft_torque"] * 1e-3
-        power = info["brake_torque"] * info["shaft_speed"] * gear * 1e-3
+        power = info["brake_torque"] * info["shaft_speed"] * self.gear_ratio * 1e-3
         self.count += alive
         self.fuel += alive * terms["fuel_kg_s"] * interval
         self.error += alive * (info["ship_speed"] - order) ** 2
@@ -74,28 +61,57 @@ class EpisodeSums:
         self.power_peak = np.where(alive, np.maximum(self.power_peak, power), self.power_peak)
         self.reward += alive * reward
         self.distance = np.where(alive, info["position"], self.distance)
+        self.failed |= alive & (terms["failure"] > 0.0)
 
-    def kpis(self, interval: float) -> pd.DataFrame:
-        """KPIs, one row a seed."""
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Length of each episode [s]."""
+        return self.count * self.interval_s
+
+    @property
+    def torque_sd(self) -> NDArray[np.float64]:
+        """Standard deviation of the shaft torque [kN m]."""
         mean = self.torque / self.count
-        return pd.DataFrame(
-            {
-                "fuel_kg_nmi": self.fuel / np.maximum(self.distance, 1.0) * _NAUTICAL_MILE,
-                "speed_error_rms_m_s": np.sqrt(self.error / self.count),
-                "speed_mean_m_s": self.distance / (self.count * interval),
-                "speed_short_m_s": self.short / self.count,
-                "torque_sd_kN_m": np.sqrt(np.maximum(self.square / self.count - mean**2, 0.0)),
-                "torque_peak_kN_m": self.peak,
-                "rack_travel_mm_min": self.travel / (self.count * interval) * 60.0,
-                "overload_s": self.overload,
-                "shaft_speed_peak_rad_s": self.fastest,
-                "overspeed_s": self.overspeed,
-                "cavitation_s": self.cavitation,
-                "ventilation_s": self.ventilation,
-                "thrust_mean_kN": self.thrust / self.count,
-                "power_mean_kW": self.power / self.count,
-                "power_peak_kW": self.power_peak,
-                "failed": self.failed.astype(float),
-                "reward": self.reward,
-            }
-        )
+        return np.sqrt(np.maximum(self.square / self.count - mean**2, 0.0))
+
+    def kpis(self) -> pd.DataFrame:
+        """KPIs, one row a seed."""
+        return pd.DataFrame({name: kpi.of(self) for name, kpi in _DECLARED.items()})
+
+
+class _Kpi(NamedTuple):
+    meaning: str
+    of: Callable[[EpisodeSums], Any]
+
+
+_DECLARED = {
+    "fuel_kg_nmi": _Kpi(
+        "fuel per nautical mile [kg]",
+        lambda s: s.fuel / np.maximum(s.distance, 1.0) * _NAUTICAL_MILE,
+    ),
+    "speed_error_rms_m_s": _Kpi(
+        "rms of ship speed minus order [m/s]", lambda s: np.sqrt(s.error / s.count)
+    ),
+    "speed_mean_m_s": _Kpi("distance over time [m/s]", lambda s: s.distance / s.time),
+    "speed_short_m_s": _Kpi("mean of order minus ship speed [m/s]", lambda s: s.short / s.count),
+    "torque_sd_kN_m": _Kpi("standard deviation of the shaft torque [kN m]", lambda s: s.torque_sd),
+    "torque_peak_kN_m": _Kpi("highest shaft torque [kN m]", lambda s: s.peak),
+    "rack_travel_mm_min": _Kpi(
+        "travel of the rack command [mm/min]", lambda s: s.travel / s.time * 60.0
+    ),
+    "overload_s": _Kpi("time beyond the engine's envelope [s]", lambda s: s.overload),
+    "shaft_speed_peak_rad_s": _Kpi("highest shaft speed [rad/s]", lambda s: s.fastest),
+    "overspeed_s": _Kpi("time beyond the engine's highest speed [s]", lambda s: s.overspeed),
+    "cavitation_s": _Kpi("time beyond Burrill's limit [s]", lambda s: s.cavitation),
+    "ventilation_s": _Kpi("time ventilating [s]", lambda s: s.ventilation),
+    "thrust_mean_kN": _Kpi("mean thrust of one propeller [kN]", lambda s: s.thrust / s.count),
+    "power_mean_kW": _Kpi("mean brake power of one engine [kW]", lambda s: s.power / s.count),
+    "power_peak_kW": _Kpi("highest brake power of one engine [kW]", lambda s: s.power_peak),
+    "failed": _Kpi(
+        "episodes that stalled or tripped [share]", lambda s: s.failed.astype(np.float64)
+    ),
+    "reward": _Kpi("sum of rewards", lambda s: s.reward),
+}
+
+KPIS = {name: kpi.meaning for name, kpi in _DECLARED.items()}
+"""Key performance indicators of an episode: meaning and unit by column."""

@@ -147,7 +147,6 @@ def _sail(
     }
 
 
-@functools.cache
 def _version(ship: str) -> str:
     """Eight letters that change with the ship and with the source that cells are made by."""
     source = source_digest("core", "plant", "observers", "baselines", "envs", "agents/evaluation")

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.ship import key_info
 from ..estimate import Estimate
 from ..search.catalogue import Effect
 from ..search.fitting import Fit, Fitter
@@ -118,6 +117,6 @@ def detectable_effects(
         variance = float(np.linalg.pinv(information)[0, 0])
         if variance > 0.0 and information[0, 0] > 1e-9:
             size = abs(probe - neutral) * np.sqrt(threshold(effect) * variance)
-            unit = key_info(parameter.key, fitter.trial_ship.ship).unit
+            unit = parameter.number(fitter.trial_ship.ship).info.unit
             found.append(Detectable(effect, float(size), unit))
     return found

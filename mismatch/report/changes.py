@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ...plant.ship import Ship, key_info
+from ...plant.ship import Ship
 from ...plant.ship_errors import ShipError
 from ..diagnosis import Diagnosis
 from .wording import breakable, number, superscript
@@ -43,7 +43,7 @@ def _value(value: Any, key: str, ship: Ship) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
     try:
-        unit = key_info(key, ship).unit if key else "-"
+        unit = ship.number(key).info.unit if key else "-"
     except (ShipError, KeyError, ValueError):
         unit = "-"
     return f"{number(float(value), 5)} {superscript(unit)}".strip()

@@ -12,7 +12,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from ...plant.ship import Ship, key_info
+from ...plant.ship import Ship
 from ..diagnosis import Diagnosis
 from ..judge.verdict import EXPLAINED, NOTHING
 from ..search.catalogue import catalogue
@@ -125,7 +125,7 @@ def _finding(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
 def _rival(placed: Placed, ship: Ship) -> str:
     """A name that does as well, with its value."""
     parameter, value = placed.pairs[0]
-    unit = key_info(parameter.key, ship).unit
+    unit = parameter.number(ship).info.unit
     words = parameter_words(parameter.name, unit)
     return f"{placed.effect.label} with {words} {measure(value, unit)}"
 

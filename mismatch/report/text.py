@@ -81,9 +81,10 @@ def _findings(diagnosis: Diagnosis) -> list[dict[str, str]]:
 def _fits(diagnosis: Diagnosis) -> list[dict[str, str]]:
     rows = []
     for channel in diagnosis.measured:
-        before, after = CONSTANT, ""
+        row = {"channel": channel, "before": "–", "after": "–", "": CONSTANT}
         if channel in diagnosis.fit_before:
-            before = f"{diagnosis.fit_before[channel]:.1f}"
-            after = f"{diagnosis.fit_after[channel]:.1f}"
-        rows.append({"channel": channel, "before": before, "after": after})
+            row["before"] = f"{diagnosis.fit_before[channel]:.1f}"
+            row["after"] = f"{diagnosis.fit_after[channel]:.1f}"
+            row[""] = ""
+        rows.append(row)
     return rows

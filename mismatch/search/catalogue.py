@@ -14,7 +14,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from ...plant.keys import Number
 from ...plant.ship import Ship
+from ...plant.ship_errors import ShipError
+from ...plant.terms import Term
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Parameter:
             ``torque/shaft_speed``.
         signed: whether the negative probes are tried too.
         absolute: the probes are values of the key, not deviations from its neutral value.
+        term: of which it is a number, where the effect is a term of the ship and not a key of its own.
         least: distance from the neutral value below which something else looks the same, and the
             effect is not named; in the key's own unit.
     """
@@ -40,6 +44,18 @@ class Parameter:
     signed: bool = False
     absolute: bool = False
     least: float = 0.0
+    term: Term | None = None
+
+    def number(self, ship: Ship) -> Number:
+        """The number of a ship that it is: unit, range, neutral value and place in the record.
+
+        Args:
+            ship: carries the parameter's term or not.
+
+        Raises:
+            ShipError: the ship has no such key, or no room for the term.
+        """
+        return _carrying(ship, self.term).number(self.key)
 
     @property
     def name(self) -> str:
@@ -66,6 +82,8 @@ class Effect:
         needs: columns without which it cannot be tried.
         windowed: acts for a time, whose start and end are fitted too.
         form: what tells it from an entry of the same id and balance.
+        term: that the effect is, with its numbers at values that change nothing; None where the
+            parameters are keys of the ship's file.
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
             ``has_variable_pitch``; beside having the balance and the parameters' keys.
     """
@@ -85,14 +103,30 @@ class Effect:
     windowed: bool = False
     form: str = ""
     applies_to: tuple[str, ...] = ()
+    term: Term | None = None
+
+    def on(self, ship: Ship) -> Ship:
+        """A ship with the effect's term on it, at values that change nothing; else the ship itself.
+
+        Args:
+            ship: the ship.
+
+        Raises:
+            ShipError: the ship carries as many terms as it can.
+        """
+        return _carrying(ship, self.term)
 
     def acts_on(self, ship: Ship) -> bool:
         """Whether a ship can have the effect."""
         if self.balance not in ship.balances:
             return False
-        return all(getattr(ship, what) for what in self.applies_to) and all(
-            ship.has_key(parameter.key) for parameter in self.parameters
-        )
+        if not all(getattr(ship, what) for what in self.applies_to):
+            return False
+        try:
+            host = self.on(ship)
+        except ShipError:
+            return False
+        return all(host.has_key(parameter.key) for parameter in self.parameters)
 
     @property
     def label(self) -> str:
@@ -108,12 +142,44 @@ def catalogue() -> tuple[Effect, ...]:
         .joinpath("catalogue.toml")
         .read_text("utf-8")
     )
+    return entries_of(text)
+
+
+def entries_of(text: str) -> tuple[Effect, ...]:
+    """Entries from the text of a catalogue.
+
+    An entry that needs no code has a ``term`` (see :mod:`shaftline.plant.terms`) and gives its
+    parameters ``unit``, ``low`` and ``high``; their keys are then the names in the term's expression.
+    """
     return tuple(_entry(item) for item in tomllib.loads(text)["effect"])
 
 
+@functools.lru_cache(maxsize=256)
+def _carrying(ship: Ship, term: Term | None) -> Ship:
+    if term is None or any(own.id == term.id for own in ship.term):
+        return ship
+    return ship.with_term(term)
+
+
+def _term(item: dict[str, Any]) -> Term | None:
+    """The entry's term, if it has one; its parameters' keys become those of the ship's file."""
+    given = item.pop("term", None)
+    if given is None:
+        return None
+    name = "-".join(filter(None, (item["id"], item["balance"], item.get("form", ""))))
+    numbers = {}
+    for parameter in item["parameters"]:
+        own = {k: parameter.pop(k) for k in ("unit", "low", "high", "neutral") if k in parameter}
+        numbers[parameter["key"]] = {"value": own.pop("neutral", 0.0), **own}
+        parameter["key"] = f"term.{name}.{parameter['key']}"
+    return Term.model_validate({"id": name, **given, "parameters": numbers})
+
+
 def _entry(item: dict[str, Any]) -> Effect:
+    item["term"] = _term(item)
     parameters = tuple(
-        Parameter(**{**p, "probes": tuple(p["probes"])}) for p in item.pop("parameters")
+        Parameter(**{**p, "probes": tuple(p["probes"]), "term": item["term"]})
+        for p in item.pop("parameters")
     )
     for key in ("confused_with", "needs", "applies_to"):
         item[key] = tuple(item.get(key, ()))

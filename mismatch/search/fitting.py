@@ -65,7 +65,7 @@ class Fitter:
         self.trial_ship = TrialShip(balances)
         self.simulations = 0
         replay = balances.replay
-        self.measured = bands.transform(balances.residuals(replay.measured()))
+        self.measured = bands.transform(balances.residuals(replay.measured))
         self._cache: dict[bytes, Complex] = {}
         nominal = self.predicted(self.trial_ship.nominal)
         columns = []
@@ -120,7 +120,7 @@ class Fitter:
         if not np.isfinite(column).all():
             return None
         share = self.likelihood.amount(base.weight, base.difference, column)
-        low, high = self.trial_ship.range_of(parameter.key)
+        low, high = self.trial_ship.range_of(parameter)
         value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
         if abs(value - neutral) <= parameter.least or (value < neutral and not parameter.signed):
             return None
@@ -197,13 +197,14 @@ class Fitter:
             errors = np.sqrt(np.maximum(np.diag(covariance)[: len(flat)], 1e-300))
             sizes = np.array([abs(fit.effects[i].values[j]) for i, j in flat])
             steps = np.clip(errors, 1e-4 * sizes + 1e-12, 0.5 * sizes + 1e-9)
+        host = self.trial_ship.host(fit.effects)
         found: list[list[Estimate]] = [[] for _ in fit.effects]
         for (i, j), error in zip(flat, errors, strict=True):
             parameter, value = fit.effects[i].pairs[j]
             size = abs(value - self.trial_ship.origin(parameter))
             found[i].append(
                 Estimate.of(
-                    self.trial_ship.ship, parameter.key, value, float(error),
+                    host, parameter.key, value, float(error),
                     form_error=min(misfit, MOST_WIDENING) * size,
                     neutral=self.trial_ship.neutral(parameter),
                 )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...plant.propeller import cavitation_number
-from ...plant.ship import Ship, key_info, record_name
+from ...plant.ship import Ship
 from ..simulate.balances import Balances
 from .catalogue import Effect, Parameter
 from .placed import Placed, Window
@@ -44,19 +44,32 @@ class TrialShip:
             start, end = placed.window
             found[f"{section}.episode_start_s"] = start
             found[f"{section}.episode_end_s"] = end
-        return {key: float(np.clip(value, *self.range_of(key))) for key, value in found.items()}
+        host = placed.effect.on(self.ship)
+        ranges = {key: host.number(key).info for key in found}
+        return {
+            key: float(np.clip(value, ranges[key].low, ranges[key].high))
+            for key, value in found.items()
+        }
 
-    def range_of(self, key: str) -> tuple[float, float]:
-        """Lowest and highest value of a key."""
-        info = key_info(key, self.ship)
+    def range_of(self, parameter: Parameter) -> tuple[float, float]:
+        """Lowest and highest value of a parameter."""
+        info = parameter.number(self.ship).info
         return info.low, info.high
+
+    def host(self, effects: tuple[Placed, ...]) -> Ship:
+        """The ship with the terms of some effects on it, at values that change nothing."""
+        ship = self.ship
+        for placed in effects:
+            ship = placed.effect.on(ship)
+        return ship
 
     def record(self, effects: tuple[Placed, ...]) -> Any:
         """The kernels' record of the ship with some effects on it."""
-        plant = self.nominal.copy()
+        host = self.host(effects)
+        plant = self.nominal.copy() if host is self.ship else host.record()
         for placed in effects:
             for key, value in self.settings(placed).items():
-                plant[record_name(key, self.ship)] = value
+                host.number(key).write(plant, value)
         return plant
 
     def corrected(self, effects: tuple[Placed, ...]) -> Ship:
@@ -64,13 +77,13 @@ class TrialShip:
         values: dict[str, Any] = {}
         for placed in effects:
             values |= self.settings(placed)
-        return self.ship.with_values(values)
+        return self.host(effects).with_values(values)
 
     def neutral(self, parameter: Parameter) -> float:
         """Value at which the effect is absent: the ship file's own."""
         if parameter.absolute:
             return 0.0
-        return float(self.nominal[record_name(parameter.key, self.ship)])
+        return parameter.number(self.ship).value
 
     def origin(self, parameter: Parameter) -> float:
         """Value from which a size is measured: the neutral one; 0 for limits, absent at infinity."""
@@ -79,7 +92,7 @@ class TrialShip:
 
     def probes(self, parameter: Parameter) -> list[float]:
         """Values at which a parameter is first tried, inside its bounds."""
-        low, high = self.range_of(parameter.key)
+        low, high = self.range_of(parameter)
         start = self.origin(parameter)
         steps = [p * self._means[parameter.of] for p in parameter.probes]
         if parameter.signed:

@@ -90,7 +90,8 @@ class Balances:
         self.gauged = "shaft_torque_N_m" in replay.channels
         self.prime_mover = replay.ship.drive_balance
         rows = []
-        if "pitch_ratio" in replay.channels and replay.controllable:
+        # a pitch that never moves is known no better than its unknown resolution
+        if replay.controllable and np.ptp(replay.recorded.get("pitch_ratio", 0.0)) > 0.0:
             rows.append(("pitch-actuator", "-"))
         if "shaft_speed_rad_s" in replay.channels:
             rows.append((self.prime_mover, "N m"))
@@ -158,4 +159,4 @@ class Balances:
 
     def lacking(self, simulated: Channels) -> NDArray[np.float64]:
         """What a simulation lacks of the recording in each balance; shape (balances, rows)."""
-        return self.residuals(self.replay.measured()) - self.residuals(simulated)
+        return self.residuals(self.replay.measured) - self.residuals(simulated)

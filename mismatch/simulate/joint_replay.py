@@ -7,6 +7,7 @@ make inertia look added where none is (errors in variables).
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,18 @@ from numpy.typing import NDArray
 from ...plant.columns import MEASURED
 from ...plant.replay import Replay
 from ...plant.ship import Ship
+from ..recordings.noise import describe
 
 START_STEPS = 40
 """Time steps of the ship over which the first state is averaged."""
 
 DULL_SHARE = 0.05
 """Demands that move over less than this share of their size tell no effect from another."""
+
+
+RESOLUTION = 1e-5
+"""Share of its largest value that a channel is read to at best: one that was simulated, not measured,
+would be infinitely sure of itself."""
 
 
 def _moves(demand: NDArray[np.float64]) -> bool:
@@ -87,11 +94,32 @@ class JointReplay:
             ]
         )
 
-    def measured(self) -> dict[str, NDArray[np.float64]]:
-        """Measured channels by column, each of shape (rows,)."""
+    @functools.cached_property
+    def recorded(self) -> dict[str, NDArray[np.float64]]:
+        """Measured channels by column as they were recorded, each of shape (rows,)."""
         return {
             c: np.concatenate([run.table[c].to_numpy(dtype=np.float64) for run in self.runs])
             for c in self.channels
+        }
+
+    @functools.cached_property
+    def measured(self) -> dict[str, NDArray[np.float64]]:
+        """The same with the noise of :data:`RESOLUTION` on those that have next to none."""
+        rng = np.random.default_rng(0)
+        found = dict(self.recorded)
+        for column, values in self.recorded.items():
+            least = RESOLUTION * float(np.abs(values).max())
+            if describe(values[slice(*self.segments[0])], self.interval_s).white_rms < least:
+                found[column] = values + least * rng.standard_normal(len(values))
+        return found
+
+    @functools.cached_property
+    def noise_rms(self) -> dict[str, float]:
+        """White noise of the measured channels, by column, in their units; told from the first run."""
+        first = slice(*self.segments[0])
+        return {
+            column: describe(values[first], self.interval_s).white_rms
+            for column, values in self.measured.items()
         }
 
     def simulated(self, samples: Any) -> dict[str, NDArray[np.float64]]:

@@ -55,9 +55,9 @@ def test_products_and_sums_round_one_by_one_but_for_horners_rule() -> None:
 
 def test_kernels_are_kept_and_let_other_threads_run() -> None:
     for kernel in (_over, _fused_line):
-        assert kernel.targetoptions["nogil"]  # type: ignore[attr-defined]
-        assert kernel.targetoptions["forceinline"]  # type: ignore[attr-defined]
-        assert Path(kernel.stats.cache_path).name == "__pycache__"  # type: ignore[attr-defined]
+        assert kernel.targetoptions["nogil"]  # type: ignore[attr-defined, union-attr]
+        assert kernel.targetoptions["forceinline"]  # type: ignore[attr-defined, union-attr]
+        assert Path(kernel.stats.cache_path).name == "__pycache__"  # type: ignore[attr-defined, union-attr]
 
 
 class Pair(NamedTuple):

@@ -1,4 +1,4 @@
-"""Verdicts: nothing missing, no name, cannot be decided; and the arithmetic under them."""
+"""Whole diagnoses: nothing missing, no name, cannot be decided; recordings of every kind."""
 
 from __future__ import annotations
 
@@ -8,10 +8,6 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Options, Recording, diagnose, fit_percent
-from shaftline.mismatch.judge.location import active_windows, change_points, regime
-from shaftline.mismatch.search.spectra import Likelihood, make_bands, moments
-from shaftline.mismatch.simulate.balances import Balances
-from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import get_sea, load_ship, realise
 from shaftline.plant.replay import simulate_recording
 
@@ -28,6 +24,8 @@ def test_nothing_is_named_where_nothing_is_missing(sea: str | None, seed: int) -
     found = diagnose(load_ship("frigate"), frigate_voyage(seed=seed, sea=waves))
     assert found.verdict == "nothing-missing"
     assert found.fit_after == found.fit_before
+    assert found.held_out_gain == 0.0
+    assert found.corrected == found.ship
     assert found.to_dict()["effects"] == []
 
 
@@ -54,6 +52,7 @@ def test_what_the_catalogue_does_not_hold_is_shown_without_a_name() -> None:
     assert found.shape is not None
     assert found.shape.balance == "engine"
     assert found.corrected.unexplained is not None
+    assert found.held_out_gain > 0.0  # else it would be shown, not used
     assert found.fit_after["shaft_speed_rad_s"] >= found.fit_before["shaft_speed_rad_s"] - 0.5
 
 
@@ -92,50 +91,37 @@ def test_same_recording_same_diagnosis() -> None:
     assert first == second
 
 
-def test_balances_of_the_ship_itself_lack_nothing() -> None:
-    balances = Balances(JointReplay(load_ship("frigate"), frigate_voyage(seed=0)))
-    lacking = balances.residuals(balances.nominal)
-    speed = balances.names.index("propeller")
-    # a central difference over steps of the demands is all that is left
-    assert np.median(np.abs(lacking[speed])) < 100.0
-    assert balances.names == ["pitch-actuator", "engine", "propeller", "hull"]
+def test_a_simulation_can_be_diagnosed_too() -> None:
+    """It has no noise; a pitch that never moves has no FitPercent, and its balance is not checked."""
+    true = load_ship("frigate").with_values({"hull.fouling_fraction": 0.3})
+    orders = frigate_voyage(seed=2, seconds=300.0).assign(pitch_ratio_command=1.2, pitch_ratio=1.2)
+    told: list[tuple[str, int, int]] = []
+    found = diagnose(
+        load_ship("frigate"), simulate_recording(true, orders), tick=lambda *said: told.append(said)
+    )
+    assert [f.effect.id for f in found.findings] == ["hull-fouling"]
+    assert "pitch_ratio" in found.measured
+    assert "pitch_ratio" not in {**found.fit_before, **found.fit_after}
+    assert found.warnings == ["pitch_ratio is constant on the part set aside: no FitPercent"]
+    assert [name for name, _ in found.balances] == ["engine", "propeller", "hull"]
+    assert (found.measured["pitch_ratio"] == 1.2).all()
+    # the corrected ship does on the data set aside what it was corrected for
+    assert found.held_out_gain > 100.0
+    ((start, end),) = found.held_out
+    assert end - start == pytest.approx(75.0, abs=0.5)
+    stages = list(dict.fromkeys(stage for stage, _, _ in told))
+    assert stages[0] == "reading and checking"
+    assert stages[-1] == "judging on the data set aside"
+    assert told[-1][1:] == (1, 1)
 
 
-def test_moments_are_sums_over_bands() -> None:
-    rng = np.random.default_rng(0)
-    bands = make_bands([(0, 400), (400, 900)], 0.1, 2, 4.0)
-    z = rng.standard_normal((3, len(bands.order))) + 1j * rng.standard_normal((3, len(bands.order)))
-    sums = moments(bands, z, z)
-    first = slice(bands.edges[0], bands.edges[1])
-    expected = (z[:, first] * bands.weights[first]) @ z[:, first].conj().T
-    assert np.allclose(sums[0], expected)
-    assert bands.edges[-1] == len(bands.order)
-
-
-def test_a_regressor_in_the_noise_is_found_with_its_share() -> None:
-    rng = np.random.default_rng(1)
-    bands = make_bands([(0, 4000)], 0.1, 1, 4.0)
-    signal = np.repeat(rng.standard_normal(40), 100)
-    coloured = np.convolve(rng.standard_normal(4200), np.ones(20) / 20.0, mode="valid")[:4000]
-    column = bands.transform(signal)[None, None]
-    found = Likelihood(bands, column)(bands.transform((coloured + 0.7 * signal)[None]))
-    assert found.shares[0] == pytest.approx(0.7, abs=0.05)
-
-
-def test_windows_and_regimes() -> None:
-    trace = np.zeros(6000)
-    trace[2000:3000] = 5.0
-    assert active_windows(trace, 0.1, 600.0) == [pytest.approx((200.0, 300.0), abs=6.0)]
-    assert active_windows(np.ones(6000), 0.1, 600.0) == [(0.0, 600.0)]
-    rng = np.random.default_rng(0)
-    changes = change_points(trace + rng.standard_normal(6000), 0.1)
-    assert changes == [pytest.approx(200.0, abs=20.0), pytest.approx(300.0, abs=20.0)]
-    assert change_points(rng.standard_normal(6000), 0.1) == []
-    speed = np.linspace(5.0, 15.0, 6000)
-    assert "above" in regime(np.where(speed > 12.0, 1.0, 0.0), {"shaft speed": (speed, "rad/s")})
-
-
-def test_fit_percent() -> None:
-    y = np.sin(np.linspace(0.0, 9.0, 100))
-    assert fit_percent(y, y) == 100.0
-    assert fit_percent(y, np.full(100, y.mean())) == pytest.approx(0.0, abs=1e-9)
+def test_whole_recordings_are_set_aside() -> None:
+    values = {"hull.fouling_fraction": 0.3}
+    one, two = (frigate_voyage(values, seed=seed, seconds=200.0) for seed in (1, 2))
+    found = diagnose(load_ship("frigate"), one, hold_out=[two], options=Options(tolerance=2.0))
+    assert found.held_out == [pytest.approx((200.2, 400.4))]
+    assert found.findings[0].effect.id == "hull-fouling"
+    rows = slice(1001, None)
+    assert found.fit_after["ship_speed_m_s"] == pytest.approx(
+        fit_percent(found.measured["ship_speed_m_s"][rows], found.after["ship_speed_m_s"][rows])
+    )

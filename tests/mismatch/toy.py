@@ -14,7 +14,6 @@ from shaftline.mismatch import Effect, catalogue
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.spectra import Bands, make_bands
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.ship import record_name
 
 Array = NDArray[np.float64]
 
@@ -87,7 +86,7 @@ class Toy:
         self.nominal = self.simulated(self.nominal_samples)
         record = self.ship.with_values(truth).record()
         true = self.simulate(record)
-        self._measured = {
+        self.measured = {
             name: true[name] + row for name, row in zip(self.names, noise, strict=True)
         }
 
@@ -95,9 +94,9 @@ class Toy:
         own = self.ship.record()
         rows = np.zeros((2, ROWS))
         for key, slope in SLOPES.items():
-            field = record_name(key, self.ship)
-            rows += slope * (float(plant[field]) - float(own[field]))
-        level = {
+            number = self.ship.number(key)
+            rows += slope * (number.read(plant) - number.read(own))
+        level: dict[str, Any] = {
             "propeller_torque": 2e5, "brake_torque": 3e4, "resistance": 1.5e5, "ship_speed": 7.0,
             "motor_current": 0.0, "pitch_ratio": 1.2, "shaft_speed": SPEED, "drive": 20.0 + steps(5),
         }  # fmt: skip
@@ -107,14 +106,11 @@ class Toy:
     def simulated(self, samples: dict[str, Array]) -> dict[str, Array]:
         return {name: samples[name] for name in self.names}
 
-    def measured(self) -> dict[str, Array]:
-        return self._measured
-
     def residuals(self, channels: dict[str, Array]) -> Array:
         return np.array([channels[name] for name in self.names])
 
     def lacking(self, simulated: dict[str, Array]) -> Array:
-        return self.residuals(self.measured()) - self.residuals(simulated)
+        return self.residuals(self.measured) - self.residuals(simulated)
 
 
 def bands() -> Bands:

@@ -29,7 +29,7 @@ def _steps(rng: np.random.Generator, rows: int, low: float, high: float, hold: A
 
 
 def frigate_voyage(
-    values: dict[str, Any] | None = None,
+    values: dict[str, Any] | Ship | None = None,
     *,
     seed: int = 0,
     seconds: float = 600.0,
@@ -46,7 +46,7 @@ def frigate_voyage(
     table["pitch_ratio_command"] = _steps(rng, rows, 0.9, 1.35, hold)
     for column, series in (extra or {}).items():
         table[column] = series(table["time_s"].to_numpy())
-    ship: Ship = load_ship("frigate").with_values(values or {})
+    ship = values if isinstance(values, Ship) else load_ship("frigate").with_values(values or {})
     if "inflow_velocity_m_s" in table:
         # the speed to which the measured inflow belongs: that of a first voyage without it
         calm = table.drop(columns="inflow_velocity_m_s")

@@ -45,6 +45,28 @@ def fourier_sum(pitch: float, velocity: float, n: float) -> tuple[float, float]:
     return ct * square, cq * square
 
 
+@pytest.mark.parametrize(("velocity", "n"), SPEEDS)
+def test_pitch_between_two_nodes_has_the_loads_between(velocity: float, n: float) -> None:
+    family = b4_70_family()
+    for low, high, share in ((0.5, 0.6, 0.25), (0.8, 1.0, 0.5), (1.2, 1.4, 0.9)):
+        found = four_quadrant_coefficients(family, NODES, velocity, n, low + share * (high - low))
+        ends = [np.array(fourier_sum(pitch, velocity, n)) for pitch in (low, high)]
+        expected = (1.0 - share) * ends[0] + share * ends[1]
+        assert found == pytest.approx(tuple(expected), rel=1e-10, abs=1e-12)
+
+
+def test_loads_have_the_slope_over_pitch_and_none_outside() -> None:
+    family = b4_70_family()
+
+    def slope(pitch: float) -> float:
+        found = four_quadrant_coefficients(family, NODES, 0.5, 1.0 + 0j, pitch + 1e-30j)
+        return float(found[0].imag / 1e-30)
+
+    rise = fourier_sum(1.0, 0.5, 1.0)[0] - fourier_sum(0.8, 0.5, 1.0)[0]
+    assert slope(0.9) == pytest.approx(rise / 0.2, rel=1e-9)
+    assert slope(0.4) == slope(1.5) == 0.0
+
+
 def loads(plant: Any, velocity: float, omega: float, pitch: float) -> Any:
     return propeller_load(plant, velocity, omega, pitch, 4.0, 0.0)
 

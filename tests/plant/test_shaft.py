@@ -5,37 +5,107 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from shaftline.plant import Equilibrium, Schedule, Ship, equilibrium, simulate
-from shaftline.plant.shaft import friction_torque, quadratic_drag
+from shaftline.plant.shaft import (
+    brake_torque_of,
+    drive_torque,
+    friction_torque,
+    gauge_torque,
+    inertia_behind_gauge,
+    load_torque,
+    quadratic_drag,
+    shaft_inertia,
+)
 
 GEAR, EFFICIENCY = 7.38, 0.95
+LEFT, RIGHT = 53697.0, 14411.0
+"""Inertias before and behind the gauge, thesis Table B-1 [kg m2]."""
+STEP = 1e-30
 
 
-def rack_map(engine_speed: Any, rack: Any) -> Any:
-    """Brake torque of the frigate's engine, thesis Table B-1 [N m]."""
-    return -45.5 * engine_speed + 1428.6 * rack - 7381.0
+def friction_slope(coulomb: float, viscous: float, omega: float) -> float:
+    return float(complex(friction_torque(coulomb, viscous, omega + STEP * 1j)).imag / STEP)
 
 
-def rack_step(ship: Ship, to: float, start: Equilibrium, duration: float = 20.0) -> NDArray[Any]:
-    return simulate(ship, Schedule(to, 1.4), duration, initial=start.state)
-
-
-def heavy(ship: Ship, **values: float) -> Ship:
-    """The same ship with a shaft that keeps its speed whatever the torques."""
-    keys = {f"prime_mover.{key}": value for key, value in values.items()}
-    return ship.with_values({"transmission.inertia_engine_side_kg_m2": 1e9, **keys})
-
-
-@pytest.mark.parametrize("omega", [1.0, 5.0, 14.0])
+@pytest.mark.parametrize("omega", [1.0, 1.000001, 5.0, 14.0])
 def test_coulomb_friction_is_its_torque_beyond_creep(omega: float) -> None:
-    assert friction_torque(5e3, 0.0, omega) == 5e3
-    assert friction_torque(5e3, 0.0, -omega) == -5e3
+    assert friction_torque(5e3, 0.0, omega) == pytest.approx(5e3, rel=1e-15)
+    assert friction_torque(5e3, 0.0, -omega) == pytest.approx(-5e3, rel=1e-15)
+
+
+@pytest.mark.parametrize("omega", [0.01, 0.05, 0.1])
+def test_creeping_shaft_feels_a_share_of_it(omega: float) -> None:
+    """Tanh(omega / 0.05): 76 % of the torque at 0.05 rad/s."""
+    assert friction_torque(5e3, 0.0, omega) == pytest.approx(5e3 * math.tanh(20.0 * omega))
+    assert friction_torque(5e3, 0.0, -omega) == -friction_torque(5e3, 0.0, omega)
+    assert friction_torque(1.0, 0.0, 0.05) == pytest.approx(0.7615942, rel=1e-7)
+
+
+def test_creeping_friction_has_the_slope_of_its_curve() -> None:
+    assert friction_slope(5e3, 0.0, 0.0) == pytest.approx(1e5)
+    assert friction_slope(5e3, 0.0, 0.3) == pytest.approx(1e5 / math.cosh(6.0) ** 2)
+    assert friction_slope(5e3, 0.0, 1.01) == friction_slope(5e3, 0.0, -1.01) == 0.0
+
+
+def test_viscous_friction_grows_with_speed() -> None:
+    assert friction_torque(0.0, 300.0, 4.0) == 1200.0
+    assert friction_torque(0.0, 300.0, -4.0) == -1200.0
+    assert friction_torque(5e3, 300.0, 4.0) == 6200.0
+    assert friction_slope(5e3, 300.0, 4.0) == pytest.approx(300.0)
 
 
 def test_friction_vanishes_at_rest() -> None:
     assert friction_torque(5e3, 300.0, 0.0) == 0.0
+    assert friction_torque(0.0, 0.0, 10.0) == 0.0
+
+
+def test_quadratic_drag_opposes_the_rotation(plant: Any) -> None:
+    assert quadratic_drag(plant, 3.0) == 0.0
+    plant["quadratic_drag"] = 40.0
+    assert [quadratic_drag(plant, w) for w in (-3.0, 0.0, 3.0)] == [-360.0, 0.0, 360.0]
+
+
+@pytest.fixture
+def rubbing(plant: Any) -> Any:
+    plant["coulomb_engine_side"], plant["viscous_engine_side"] = 5e3, 200.0
+    plant["coulomb_propeller_side"], plant["viscous_propeller_side"] = 3e3, 100.0
+    plant["quadratic_drag"], plant["entrained_inertia"] = 40.0, 8e3
+    return plant
+
+
+def test_drive_torque_is_the_brake_torque_less_friction(plant: Any, rubbing: Any) -> None:
+    gear = 1e4 * GEAR * EFFICIENCY
+    assert drive_torque(rubbing, 1e4, 10.0) == pytest.approx(gear - 5e3 - 2e3, rel=1e-14)
+    assert drive_torque(rubbing, 1e4, -10.0) == pytest.approx(gear + 5e3 + 2e3, rel=1e-14)
+
+
+def test_brake_torque_of_a_drive_torque(rubbing: Any) -> None:
+    for brake, omega in ((1e4, 10.0), (-2e3, 3.0), (5e3, -4.0)):
+        torque = drive_torque(rubbing, brake, omega)
+        assert brake_torque_of(rubbing, torque, omega) == pytest.approx(brake, rel=1e-12)
+
+
+def test_load_torque_adds_friction_and_drag_behind_the_gauge(rubbing: Any) -> None:
+    assert load_torque(rubbing, 5e4, 10.0) == pytest.approx(5e4 + 3e3 + 1e3 + 4e3, rel=1e-14)
+    assert load_torque(rubbing, 5e4, -10.0) == pytest.approx(5e4 - 3e3 - 1e3 - 4e3, rel=1e-14)
+
+
+def test_inertias_before_and_behind_the_gauge(rubbing: Any) -> None:
+    assert inertia_behind_gauge(rubbing) == RIGHT + 8e3
+    assert shaft_inertia(rubbing) == LEFT + RIGHT + 8e3
+
+
+def test_gauge_reads_what_is_left_after_accelerating_the_engine_side(plant: Any) -> None:
+    assert gauge_torque(plant, 1e5, 0.25) == 1e5 - 0.25 * LEFT
+    assert gauge_torque(plant, 1e5, -0.25) == 1e5 + 0.25 * LEFT
+
+
+def test_gauge_is_the_cut_seen_from_either_side(rubbing: Any) -> None:
+    drive, load = drive_torque(rubbing, 2e4, 10.0), load_torque(rubbing, 9e4, 10.0)
+    acceleration = (drive - load) / shaft_inertia(rubbing)
+    behind = load + inertia_behind_gauge(rubbing) * acceleration
+    assert gauge_torque(rubbing, drive, acceleration) == pytest.approx(behind, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["coulomb_friction", "viscous_friction"])
@@ -53,106 +123,17 @@ def test_friction_stands_on_its_side_of_the_gauge(frigate: Ship, kind: str, side
     )
 
 
-def test_quadratic_drag_opposes_behind_the_gauge(frigate: Ship) -> None:
-    ship = frigate.with_values({"transmission.quadratic_drag_N_m_s2_rad2": 40.0})
-    assert [quadratic_drag(ship.record(), w) for w in (-3.0, 0.0, 3.0)] == [-360.0, 0.0, 360.0]
-    found = equilibrium(ship, 22.0, 1.4)
-    drag = 40.0 * found.state.shaft_speed**2
-    driving = found.outputs.brake_torque * GEAR * EFFICIENCY
-    assert found.outputs.shaft_torque == pytest.approx(driving, rel=1e-9)
-    assert driving - drag == pytest.approx(found.outputs.propeller_torque, rel=1e-9)
-
-
-def test_brake_torque_is_the_rack_map(frigate: Ship) -> None:
-    found = equilibrium(frigate, 20.0, 1.2)
-    expected = rack_map(GEAR * found.state.shaft_speed, 20.0)
-    assert found.outputs.brake_torque == pytest.approx(expected, rel=1e-12)
-
-
-def test_derating_takes_its_share_of_the_torque(frigate: Ship) -> None:
-    found = equilibrium(frigate.with_values({"prime_mover.derating_fraction": 0.12}), 22.0, 1.4)
-    expected = 0.88 * rack_map(GEAR * found.state.shaft_speed, 22.0)
-    assert found.outputs.brake_torque == pytest.approx(expected, rel=1e-12)
-
-
-def test_curvature_bends_the_map_about_its_speed(frigate: Ship) -> None:
-    ship = frigate.with_values(
-        {
-            "prime_mover.torque_curvature_N_m_s2_rad2": -1.5,
-            "prime_mover.torque_curvature_speed_rad_s": 60.0,
-        }
-    )
-    found = equilibrium(ship, 22.0, 1.4)
-    engine_speed = GEAR * found.state.shaft_speed
-    expected = rack_map(engine_speed, 22.0) - 1.5 * (engine_speed - 60.0) ** 2
-    assert found.outputs.brake_torque == pytest.approx(expected, rel=1e-12)
-
-
-def test_engine_stays_inside_its_envelope(frigate: Ship) -> None:
-    samples = rack_step(frigate, 40.0, equilibrium(frigate, 9.4, 1.4), 60.0)
-    engine_speed = GEAR * samples["shaft_speed"]
-    rising = 15000.0 + 467.0 * (engine_speed - 350.0 * math.pi / 30.0)
-    limit = np.minimum(rising, 38000.0)
-    assert np.all(samples["brake_torque"] <= limit * (1.0 + 1e-12))
-    assert samples["brake_torque"][0] == pytest.approx(limit[0])  # the step does reach it
-
-
-def test_engine_lag_is_first_order(frigate: Ship) -> None:
-    ship = heavy(frigate, lag_s=1.5)
-    start = equilibrium(ship, 20.0, 1.4)
-    samples = rack_step(ship, 25.0, start, 6.0)
-    rise = (samples["brake_torque"] - start.outputs.brake_torque) / (5.0 * 1428.6)
-    np.testing.assert_allclose(rise, 1.0 - np.exp(-samples["time"] / 1.5), atol=1e-3)
-
-
-@pytest.mark.parametrize("steps", [1, 12, 40])
-def test_dead_time_shifts_the_response(
-    frigate: Ship, design_point: Equilibrium, steps: int
-) -> None:
-    ship = frigate.with_values({"prime_mover.dead_time_s": 0.05 * steps})
-    step = Schedule(lambda t: np.where(t < 5.0, 22.0, 27.5), 1.4)
-    prompt, late = (simulate(s, step, 20.0, initial=design_point.state) for s in (frigate, ship))
-    np.testing.assert_allclose(late["shaft_speed"][steps:], prompt["shaft_speed"][:-steps], 1e-9)
-    assert late["shaft_speed"][140] < prompt["shaft_speed"][140]
-
-
-def test_dead_time_between_steps_interpolates(frigate: Ship, design_point: Equilibrium) -> None:
-    ship = frigate.with_values({"prime_mover.dead_time_s": 0.52})
-    step = Schedule(lambda t: np.where(t < 5.0, 22.0, 27.0), 1.4)
-    torque = simulate(ship, step, 10.0, initial=design_point.state)["brake_torque"]
-    share = (torque[110] - torque[109]) / (5.0 * 1428.6)  # 0.48 s after the step's own sample
-    assert share == pytest.approx(0.6, abs=0.01)
-
-
-def test_rack_travels_at_its_rate(frigate: Ship, design_point: Equilibrium) -> None:
-    ship = frigate.with_values({"prime_mover.rack_rate_limit_mm_s": 2.0})
-    step = Schedule(lambda t: np.where(t < 1.0, 22.0, 28.0), 1.4)
-    s = simulate(ship, step, 6.0, initial=design_point.state)
-    rack = (s["brake_torque"] - rack_map(GEAR * s["shaft_speed"], 0.0)) / 1428.6
-    expected = np.clip(22.0 + 2.0 * (s["time"] + 0.05 - 1.0), 22.0, 28.0)
-    np.testing.assert_allclose(rack[:-1], expected[:-1], rtol=1e-9)
-
-
-def test_rack_stops_at_its_ends(frigate: Ship) -> None:
-    start = equilibrium(frigate, 34.0, 1.4)
-    beyond, at = (rack_step(frigate, rack, start) for rack in (60.0, 40.0))
-    np.testing.assert_array_equal(beyond["shaft_speed"], at["shaft_speed"])
-
-
 def test_entrained_water_slows_the_start_and_not_the_end(
     frigate: Ship, design_point: Equilibrium
 ) -> None:
     ship = frigate.with_values({"propeller.entrained_inertia_kg_m2": 8e3})
-    dry, wet = (rack_step(s, 25.0, design_point) for s in (frigate, ship))
+    dry, wet = (
+        simulate(s, Schedule(25.0, 1.4), 20.0, initial=design_point.state) for s in (frigate, ship)
+    )
     ratio = dry["shaft_acceleration"][0] / wet["shaft_acceleration"][0]
-    assert ratio == pytest.approx((53697.0 + 14411.0 + 8e3) / (53697.0 + 14411.0))
+    assert ratio == pytest.approx((LEFT + RIGHT + 8e3) / (LEFT + RIGHT))
+    behind = wet["propeller_torque"] + (RIGHT + 8e3) * wet["shaft_acceleration"]
+    np.testing.assert_allclose(wet["shaft_torque"], behind, rtol=1e-12)
     assert equilibrium(ship, 25.0, 1.4).state == pytest.approx(
         equilibrium(frigate, 25.0, 1.4).state, rel=1e-9
     )
-
-
-def test_entrained_water_sits_behind_the_gauge(frigate: Ship, design_point: Equilibrium) -> None:
-    ship = frigate.with_values({"propeller.entrained_inertia_kg_m2": 8e3})
-    s = rack_step(ship, 25.0, design_point)
-    behind = s["propeller_torque"] + (14411.0 + 8e3) * s["shaft_acceleration"]
-    np.testing.assert_allclose(s["shaft_torque"], behind, rtol=1e-12)

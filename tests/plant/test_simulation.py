@@ -1,3 +1,5 @@
+"""Whole histories: samples, inputs, balances of power, rest, and a start without a transient."""
+
 from __future__ import annotations
 
 import math
@@ -9,7 +11,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from shaftline.observers.base import ESTIMATE, OBSERVER
 from shaftline.plant import (
     Equilibrium,
     Schedule,
@@ -22,14 +23,10 @@ from shaftline.plant import (
     simulate,
 )
 from shaftline.plant.memory import MEMORY
-from shaftline.plant.record import PLANT
-from shaftline.plant.ship import record_name
 from shaftline.plant.signals import SAMPLE, SIGNALS
-from shaftline.plant.simulation import trajectory
-from shaftline.plant.state import STATE
-from shaftline.plant.stepping import UNDISTURBED, prepare
-from shaftline.plant.waves import SEA, SYNC_STEPS, calm
-from shaftline.studies.sailing import sail
+from shaftline.plant.simulation import _sampled, trajectory
+from shaftline.plant.state import STATE, get_state
+from shaftline.plant.stepping import Disturbance, observe, prepare, step
 
 BUSY = {
     "prime_mover.lag_s": 0.4,
@@ -41,81 +38,96 @@ BUSY = {
     "sensors.torque_delay_s": 0.13,
     "sensors.speed_log_lag_s": 5.0,
 }
-VARIANTS: list[dict[str, Any]] = [
-    {},
-    {"hull.mass_kg": 2.5e6, "transmission.inertia_propeller_side_kg_m2": 2e4},
-    BUSY,
-    {"propeller.model": "four-quadrant"},
-]
-SEAS = ["calm", "thesis", "state-6", "state-4"]
-DRIVES, PITCHES = [20.0, 27.0, 24.0], [1.4, 1.1, 1.2]
+STEADY = {
+    "prime_mover.lag_s": 1.5, "prime_mover.dead_time_s": 0.22, "propeller.inflow_lag_s": 2.0,
+    "pitch_actuator.offset": 0.05, "pitch_actuator.backlash": 0.02, "sensors.speed_log_lag_s": 5.0,
+    "sensors.torque_delay_s": 0.13, "sensors.torque_gain": 1.02, "hull.current_m_s": 0.5,
+    "hull.wake_slope_s_m": 0.004,
+}  # fmt: skip
 
 
-class Batch:
-    """Several ships, each in its own sea, carried on with commands that change every half second."""
-
-    def __init__(self, ships: list[Ship], seas: list[Any]) -> None:
-        n = len(ships)
-        self.plants = np.zeros(n, PLANT)
-        self.states = np.zeros(n, STATE)
-        self.memories = np.zeros(n, MEMORY)
-        self.seas = np.zeros(n, SEA)
-        for i, ship in enumerate(ships):
-            self.plants[i] = ship.record()
-            self.states[i] = tuple(equilibrium(ship, DRIVES[0], PITCHES[0]).state)
-            self.seas[i] = seas[i]
-            prepare(
-                self.plants[i], self.states[i], self.memories[i], self.seas[i],
-                DRIVES[0], UNDISTURBED, 0.05,
-            )  # fmt: skip
-
-    def run(self, blocks: int) -> bytes:
-        """The ships' states and memories after some blocks of half a second."""
-        n = len(self.plants)
-        for k in range(blocks):
-            drive, pitch = DRIVES[k * 3 // blocks], PITCHES[k * 3 // blocks]
-            sail(
-                self.plants, self.states, self.memories, self.seas,
-                np.zeros(0, OBSERVER), np.zeros(0, ESTIMATE),
-                np.full(n, drive), np.full(n, pitch), SYNC_STEPS, 0.05,
-            )  # fmt: skip
-        return self.states.tobytes() + self.memories.tobytes()
+def test_a_steady_ship_begins_without_a_transient(frigate: Ship) -> None:
+    """Every lag, delay, offset and instrument stands where it would have come to stand."""
+    ship = frigate.with_values(STEADY)
+    start = equilibrium(ship, 22.0, 1.2)
+    s = simulate(ship, Schedule(22.0, 1.2), 20.0, initial=start.state)
+    for name in s.dtype.names or ():
+        if name not in ("time", "position", "shaft_acceleration"):
+            np.testing.assert_allclose(s[name], s[name][0], rtol=1e-8, err_msg=name)
+    assert np.abs(s["shaft_acceleration"]).max() < 1e-8
+    assert s["measured_shaft_torque"][0] == pytest.approx(1.02 * s["shaft_torque"][0])
+    assert s["pitch_ratio"][0] == pytest.approx(1.25)
 
 
-@pytest.fixture(scope="module")
-def ships(frigate: Ship) -> list[Ship]:
-    return [frigate.with_values(values) for values in VARIANTS]
+def test_samples_are_the_outputs_of_single_steps(
+    frigate: Ship, design_point: Equilibrium, thesis_sea: Any
+) -> None:
+    """Every field of every sample, to the last bit, the last one under the last commands."""
+    ship = frigate.with_values(BUSY)
+    plant, sea, dt, steps = ship.record(), thesis_sea.copy(), 0.05, 30
+    drive, pitch = np.linspace(20.0, 26.0, steps), np.linspace(1.4, 1.2, steps)
+    half = 0.5 * dt * np.arange(2 * steps + 1)
+    acts = [Disturbance(math.sin(t), 0.2 - t, 1.0 + t) for t in half]
+    schedule = Schedule(
+        drive, lambda _: pitch, lambda t: [math.sin(x) for x in t], lambda t: 1.0 + t,
+        lambda t: 0.2 - t,
+    )  # fmt: skip
+    start = design_point.state._replace(pitch_ratio=1.3, position=12.0)
+    found = simulate(ship, schedule, steps * dt, initial=start, sea=thesis_sea)
+
+    state, memory = np.zeros(1, STATE)[0], np.zeros(1, MEMORY)[0]
+    for name, value in start._asdict().items():
+        state[name] = value
+    prepare(plant, state, memory, sea, drive[0], acts[0], dt)
+    for k in range(steps + 1):
+        now, log = get_state(state), float(memory["speed_log"])
+        last = min(k, steps - 1)
+        if k < steps:
+            out = step(plant, state, memory, sea, drive[k], pitch[k], *acts[2 * k : 2 * k + 3], dt)
+        else:
+            out = observe(plant, state, memory, sea, pitch[last], acts[-1], dt)
+        expected = {
+            "time": k * dt, "drive": drive[last], "pitch_command": pitch[last],
+            "measured_pitch_ratio": memory["pitch_ratio"], "measured_ship_speed": log,
+            "measured_shaft_torque": memory["shaft_torque"], "shaft_speed": now.shaft_speed,
+            "ship_speed": now.ship_speed, "ventilation": now.ventilation, "position": now.position,
+        }  # fmt: skip
+        for name in SAMPLE.names or ():
+            value = expected.get(name, getattr(out, name, None))
+            assert found[k][name] == value, (k, name)
 
 
-@pytest.fixture(scope="module")
-def seas() -> list[Any]:
-    models = [get_sea(name) for name in SEAS]
-    return [calm() if sea is None else realise(sea, 4.0, 11) for sea in models]
+def test_a_time_step_may_be_asked_for(frigate: Ship, design_point: Equilibrium) -> None:
+    found = simulate(frigate, Schedule(22.0, 1.4), 1.0, initial=design_point.state, dt=0.1)
+    np.testing.assert_allclose(found["time"], 0.1 * np.arange(11), atol=1e-12)
+    own, same = (
+        simulate(frigate, Schedule(25.0, 1.2), 1.0, initial=design_point.state, dt=dt).tobytes()
+        for dt in (None, 0.05)
+    )
+    assert own == same
 
 
-def test_batch_equals_each_ship_alone(ships: list[Ship], seas: list[Any]) -> None:
-    together = Batch(ships, seas)
-    together.run(60)
-    for i, (ship, sea) in enumerate(zip(ships, seas, strict=True)):
-        alone = Batch([ship], [sea])
-        alone.run(60)
-        assert together.states[i].tobytes() == alone.states[0].tobytes()
-        assert together.memories[i].tobytes() == alone.memories[0].tobytes()
+@pytest.mark.parametrize(
+    "value",
+    [3.0, np.full(4, 3.0), np.full((8,), 3.0)[::2], lambda t: np.broadcast_to(3.0, t.shape)],
+)
+@pytest.mark.parametrize("count", [1, 4])
+def test_inputs_reach_the_kernel_as_one_kind_of_array(value: Any, count: int) -> None:
+    """It would be compiled anew for each other kind, which takes half a minute."""
+    value = value[:count] if isinstance(value, np.ndarray) else value
+    found = _sampled(value, np.arange(float(count)), "drive")
+    assert found.tolist() == [3.0] * count
+    assert found.flags.c_contiguous
+    assert found.flags.writeable
+    assert found is not value
 
 
-@pytest.mark.parametrize("i", range(len(VARIANTS)))
-def test_batch_equals_the_kept_trajectory(ships: list[Ship], seas: list[Any], i: int) -> None:
-    def in_thirds(values: list[float]) -> Any:
-        return lambda t: np.repeat(values, len(t) // 3)
-
-    schedule = Schedule(in_thirds(DRIVES), in_thirds(PITCHES))
-    start = equilibrium(ships[i], DRIVES[0], PITCHES[0]).state
-    last = simulate(ships[i], schedule, 30.0, initial=start, sea=seas[i])[-1]
-    batch = Batch([ships[i]], [seas[i]])
-    batch.run(60)
-    for name in ("shaft_speed", "ship_speed", "position", "ventilation"):
-        assert batch.states[0][name] == last[name], name
-    assert batch.memories[0]["speed_log"] == last["measured_ship_speed"]
+def test_disturbances_are_none_unless_given(frigate: Ship, design_point: Equilibrium) -> None:
+    plain, given = (
+        simulate(frigate, schedule, 1.0, initial=design_point.state).tobytes()
+        for schedule in (Schedule(25.0, 1.2), Schedule(25.0, 1.2, 0.0, 1.0, 0.0))
+    )
+    assert plain == given
 
 
 def test_same_seed_gives_the_same_voyage(frigate: Ship, design_point: Equilibrium) -> None:
@@ -139,7 +151,9 @@ def test_simulation_leaves_its_sea_untouched(
     assert thesis_sea.tobytes() == before
 
 
-@pytest.mark.parametrize(("duration", "samples"), [(1.0, 21), (1.01, 22), (0.0, 2)])
+@pytest.mark.parametrize(
+    ("duration", "samples"), [(1.0, 21), (1.01, 22), (0.0, 2), (0.15, 4), (0.3, 7), (0.049, 2)]
+)
 def test_one_sample_at_every_step_and_one_at_the_end(
     frigate: Ship, design_point: Equilibrium, duration: float, samples: int
 ) -> None:
@@ -162,7 +176,7 @@ def test_elevation_is_added_to_the_seas(
 
 
 def test_elevation_lets_a_propeller_ventilate(frigate: Ship, design_point: Equilibrium) -> None:
-    ship = frigate.with_values(VARIANTS[2])
+    ship = frigate.with_values(BUSY)
     trough = Schedule(22.0, 1.4, elevation=lambda t: np.where(t > 5.0, -2.0, 0.0))
     found = simulate(ship, trough, 10.0, initial=equilibrium(ship, 22.0, 1.4).state)
     assert np.all(found["ventilation"][found["time"] < 5.0] == 0.0)
@@ -181,7 +195,7 @@ def test_trajectory_of_records_is_the_simulation_of_ships(
     )  # fmt: skip
     plant, memory = frigate.record(), np.zeros(1, MEMORY)[0]
     for key, value in keys.items():
-        plant[record_name(key, frigate)] = value
+        frigate.number(key).write(plant, value)
     samples, state = np.zeros(steps + 1, SAMPLE), np.zeros(1, STATE)
     for _ in range(2):  # a memory may be used again
         state[0] = tuple(design_point.state)

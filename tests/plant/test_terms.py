@@ -20,7 +20,7 @@ from shaftline.plant import (
     simulate,
     write_ship,
 )
-from shaftline.plant.term_kernel import DRIVE_TORQUE, MAX_DEPTH, MAX_TERMS, Heard, added
+from shaftline.plant.term_kernel import MAX_DEPTH, MAX_TERMS, Added, Heard, added
 from shaftline.plant.terms import FUNCTIONS, PLACES, SIGNALS, Term, TermError, add_term, parsed
 
 HEARD = Heard(11.0, 8.0, 1.2, 1.3, 22.0, 6.5, 4.0, 30.0)
@@ -32,9 +32,8 @@ def with_term(ship: Ship, expression: str, acts_on: str = "load_torque", **numbe
 
 
 def value(ship: Ship, expression: str, heard: Heard = HEARD, **numbers: float) -> Any:
-    return added(
-        with_term(ship, expression, "drive_torque", **numbers).record(), DRIVE_TORQUE, heard
-    )
+    record = with_term(ship, expression, "drive_torque", **numbers).record()
+    return added(record, heard).drive_torque
 
 
 @pytest.mark.parametrize(
@@ -152,7 +151,7 @@ def test_terms_add_up_and_only_at_their_place(frigate: Ship) -> None:
         for name, place in (("a", "load_torque"), ("b", "load_torque"), ("c", "resistance"))
     ]
     record = frigate.with_values({"term": both}).record()
-    found = [added(record, place, HEARD) for place in range(len(PLACES))]
+    found = list(added(record, HEARD))
     assert found == [
         200.0 if p == "load_torque" else 100.0 if p == "resistance" else 0.0 for p in PLACES
     ]
@@ -237,6 +236,7 @@ def test_a_file_with_terms_reads_back(frigate: Ship, tmp_path: Path) -> None:
 
 def test_every_signal_and_function_is_reached(frigate: Ship) -> None:
     assert Heard._fields == tuple(SIGNALS)
+    assert Added._fields == tuple(PLACES)
     for i, name in enumerate(SIGNALS):
         assert value(frigate, name) == HEARD[i]
     assert len({code for code, _ in FUNCTIONS.values()}) == len(FUNCTIONS)

@@ -6,13 +6,68 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shaftline.plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
-from shaftline.plant.propeller import propeller_load
-from shaftline.plant.ventilation import ventilation_rate, ventilation_state
+from shaftline.plant import Schedule, Ship, ShipError, equilibrium, get_sea, realise, simulate
+from shaftline.plant.ventilation import can_ventilate, ventilation_rate, ventilation_state
 
 RADIUS = 2.1  # m
 ONSET, RECOVERY = 1.0, 1.3  # h/R
 GROWTH, WASHOUT = 0.5, 1.5  # s
+
+
+@pytest.mark.parametrize(
+    ("relative", "before", "after"),
+    [
+        (0.5, False, True),
+        (0.99, False, True),
+        (1.01, False, False),
+        (1.15, False, False),
+        (1.15, True, True),
+        (0.99, True, True),
+        (1.29, True, True),
+        (1.31, True, False),
+        (1.31, False, False),
+    ],
+)
+def test_air_comes_at_the_onset_and_stays_until_recovery(
+    plant: Any, relative: float, before: bool, after: bool
+) -> None:
+    assert ventilation_state(plant, before, relative * RADIUS, 0.2) is after
+
+
+def test_at_the_very_onset_there_is_no_air_and_at_the_very_recovery_there_is(plant: Any) -> None:
+    plant["diameter"], plant["ventilation_recovery_submergence"] = 4.0, 1.5
+    assert ventilation_state(plant, False, 2.0, 0.0) is False
+    assert ventilation_state(plant, True, 3.0, 0.0) is True
+
+
+@pytest.mark.parametrize(("before", "without"), [(False, ONSET), (True, RECOVERY)])
+def test_loading_draws_air_from_deeper(plant: Any, before: bool, without: float) -> None:
+    plant["ventilation_loading_gain"] = 2.0
+    for relative, air in ((without + 0.39, True), (without + 0.41, False)):
+        assert ventilation_state(plant, before, relative * RADIUS, 0.2) is air
+
+
+def test_air_grows_and_washes_out_with_its_times(plant: Any) -> None:
+    assert ventilation_rate(plant, 0.25, True) == pytest.approx(0.75 / GROWTH)
+    assert ventilation_rate(plant, 0.25, False) == pytest.approx(-0.25 / WASHOUT)
+    assert ventilation_rate(plant, 1.0, True) == ventilation_rate(plant, 0.0, False) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("thrust", "torque", "can"), [(0.0, 0.0, False), (0.1, 0.0, True), (0.0, 0.1, True)]
+)
+def test_either_loss_switches_ventilation_on(
+    plant: Any, thrust: float, torque: float, can: bool
+) -> None:
+    plant["ventilation_thrust_loss"], plant["ventilation_torque_loss"] = thrust, torque
+    assert can_ventilate(plant) is can
+
+
+def test_recovery_lies_no_higher_than_onset(frigate: Ship) -> None:
+    keys = ("ventilation.onset_submergence", "ventilation.recovery_submergence")
+    frigate.with_values(dict(zip(keys, (1.2, 1.2), strict=True)))
+    with pytest.raises(ShipError, match="recovery_submergence must not be below onset_submergence"):
+        frigate.with_values(dict(zip(keys, (1.2, 1.1), strict=True)))
 
 
 @pytest.fixture(scope="module")
@@ -38,46 +93,10 @@ def rough(ventilating: Ship) -> NDArray[Any]:
     return voyage(ventilating)
 
 
-@pytest.mark.parametrize(
-    ("relative", "before", "after"),
-    [
-        (0.99, False, True),
-        (1.01, False, False),
-        (1.15, True, True),
-        (1.29, True, True),
-        (1.31, True, False),
-    ],
-)
-def test_air_comes_at_the_onset_and_stays_until_recovery(
-    ventilating: Ship, relative: float, before: bool, after: bool
-) -> None:
-    plant = ventilating.record()
-    assert ventilation_state(plant, before, relative * RADIUS, 0.2) is after
-
-
-def test_loading_draws_air_from_deeper(ventilating: Ship) -> None:
-    plant = ventilating.with_values({"ventilation.loading_gain": 2.0}).record()
-    assert ventilation_state(plant, False, 1.2 * RADIUS, 0.2)
-    assert not ventilation_state(plant, False, 1.2 * RADIUS, 0.05)
-
-
-def test_air_grows_and_washes_out_with_its_times(ventilating: Ship) -> None:
-    plant = ventilating.record()
-    assert ventilation_rate(plant, 0.25, True) == pytest.approx(0.75 / GROWTH)
-    assert ventilation_rate(plant, 0.25, False) == pytest.approx(-0.25 / WASHOUT)
-
-
 def test_rough_sea_ventilates_a_shallow_propeller(rough: NDArray[Any]) -> None:
     assert rough["ventilation"].max() > 0.5
     assert np.mean(rough["ventilation"] < 0.01) > 0.1  # and lets it breathe out
     assert np.all((rough["ventilation"] >= 0.0) & (rough["ventilation"] <= 1.0))
-
-
-def test_air_takes_its_share_of_thrust_and_torque(ventilating: Ship) -> None:
-    plant = ventilating.record()
-    deep, half = (propeller_load(plant, 8.0, 10.5, 1.4, 3.0, degree) for degree in (0.0, 0.5))
-    assert half.thrust / deep.thrust == pytest.approx(1.0 - 0.5 * 0.7)
-    assert half.torque / deep.torque == pytest.approx(1.0 - 0.5 * 0.6)
 
 
 def test_ventilated_shaft_loses_thrust_and_races(rough: NDArray[Any], shallow: Ship) -> None:
@@ -99,6 +118,6 @@ def test_turning_points_show_the_hysteresis(rough: NDArray[Any]) -> None:
     assert np.all(relative[ends - 1] > RECOVERY)
 
 
-def test_deep_propeller_never_ventilates(frigate: Ship, ventilating: Ship) -> None:
+def test_deep_propeller_never_ventilates(ventilating: Ship) -> None:
     deep = ventilating.with_values({"propeller.depth_m": 15.0})
     assert np.all(voyage(deep)["ventilation"] == 0.0)

@@ -34,6 +34,10 @@ class Fitter:
         return SimpleNamespace(effects=fit.effects, refitted=True)
 
 
+def told(rivals: Any) -> list[list[str]]:
+    return [list(map(str, some)) for some in rivals]
+
+
 def chosen(*effects: Any, gains: tuple[float, ...]) -> Selection:
     fit: Any = SimpleNamespace(effects=tuple(Placed(e, (1.0,)) for e in effects), refitted=False)
     rivals: Any = tuple((f"rival of {e.id}",) for e in effects)
@@ -72,7 +76,7 @@ def test_a_later_effect_that_new_data_speak_against_is_dropped(
     if len(names) == 1:
         assert found.fit.refitted  # type: ignore[attr-defined]
         assert (found.gains, found.thresholds) == ((400.0,), (10.0,))
-        assert found.rivals == (("rival of engine-torque-lag",),)
+        assert told(found.rivals) == [["rival of engine-torque-lag"]]
 
 
 @pytest.mark.parametrize(("gain", "names"), [(60.1, ["engine-torque-lag", "engine-derating"]),
@@ -92,7 +96,7 @@ def test_each_is_judged_beside_those_that_are_kept() -> None:
     found = kept(selection)
     assert ids(found) == ["engine-torque-lag", "hull-fouling"]
     assert (found.gains, found.thresholds) == ((400.0, 300.0), (10.0, 11.0))
-    assert found.rivals == (("rival of engine-torque-lag",), ("rival of hull-fouling",))
+    assert told(found.rivals) == [["rival of engine-torque-lag"], ["rival of hull-fouling"]]
     # the strongest beside it counts, whichever it is
     late = chosen(LAG, DERATING, FOULING, gains=(20.0, 400.0, 300.0))
     assert ids(kept(late)) == ["engine-torque-lag", "engine-derating", "hull-fouling"]

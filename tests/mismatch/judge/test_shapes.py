@@ -101,7 +101,7 @@ def test_the_gain_is_that_of_the_likelihood() -> None:
     best = best_shapes(fit, fit.null)[0]
     without = np.array([best.trace, np.zeros(ROWS)])
     toy: Any = fit.balances
-    toy._measured = {n: toy._measured[n] - row for n, row in zip(toy.names, without, strict=True)}
+    toy.measured = {n: toy.measured[n] - row for n, row in zip(toy.names, without, strict=True)}
     left = Fitter(toy, fit.bands)
     assert best.gain == pytest.approx(left.null.score - fit.null.score, rel=0.02)
     assert best.gain > 30.0

@@ -145,6 +145,7 @@ def test_over_time_the_part_set_aside_is_shaded(drawn: Drawn) -> None:
     (dots,) = (line for line in axes.lines if line.get_marker() == ".")
     assert dots.get_xdata() == pytest.approx(TIME.reshape(60, 20).mean(axis=1))
     drawn.clear()
+    assert shape is not None
     drive = replace(shape, signal="drive", signal_unit="mm")
     regimes.shape_panel(diagnosis_of("unexplained", shape=drive))
     assert drawn[0][0].get_xlabel() == "drive demand [mm]"

@@ -69,6 +69,6 @@ def test_a_constant_channel_says_so() -> None:
     )
     lines = summary(found).splitlines()
     (line,) = (line for line in lines if line.startswith("shaft_speed_rad_s"))
-    assert line.split(maxsplit=1) == ["shaft_speed_rad_s", "constant: no FitPercent"]
+    assert line.split(maxsplit=3) == ["shaft_speed_rad_s", "–", "–", "constant: no FitPercent"]
     assert "What is missing" not in summary(found)
     assert "note:" not in summary(found)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue, diagnose
-from shaftline.mismatch.search.catalogue import applicable
-from shaftline.plant import load_ship
+from shaftline.mismatch.search.catalogue import applicable, entries_of
+from shaftline.plant import Ship, load_ship
+from shaftline.plant.replay import simulate_recording
+from shaftline.plant.term_kernel import MAX_TERMS
+from shaftline.plant.terms import Term
 
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
@@ -165,3 +169,51 @@ def test_only_what_a_ship_can_have_is_tried() -> None:
     assert "hull-fouling (hull)" not in tug
     with pytest.raises(ValueError, match="unknown effect 'rust'"):
         applicable(load_ship("frigate"), [], ["rust"])
+
+
+def simulated(ship: Ship) -> Any:
+    return simulate_recording(ship, frigate_voyage(seed=1, seconds=60.0))
+
+
+WAVE_MAKING = """
+[[effect]]
+id = "wave-making"
+balance = "hull"
+term = { acts_on = "resistance", expression = "c4 * ship_speed ** 4" }
+parameters = [{ key = "c4", unit = "N s4/m4", low = 0.0, high = 1e4, probes = [0.5, 2.0, 8.0] }]
+equation = "R -> R + c4 v^4"
+latex = 'R \\to R + c_4 v^4'
+lacks = "force that grows with the fourth power of speed: the ship makes waves"
+excitation = "several ship speeds"
+"""
+
+
+def test_an_entry_may_be_a_term(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Physics that no code knows: the entry alone, concealed in a voyage and found again."""
+    (own,) = entries_of(WAVE_MAKING)
+    frigate = load_ship("frigate")
+    assert own.on(own.on(frigate)) == own.on(frigate)
+    assert simulated(own.on(frigate)).equals(simulated(frigate))
+    truth = own.on(frigate).with_values({"term.wave-making-hull.c4": 6.0})
+    everything = (*catalogue(), own)
+    monkeypatch.setattr("shaftline.mismatch.search.catalogue.catalogue", lambda: everything)
+    found = diagnose(frigate, frigate_voyage(truth, seed=5))
+    _named(found, "wave-making", "hull")
+    (estimate,) = found.findings[0].estimates
+    assert (estimate.key, estimate.unit) == ("term.wave-making-hull.c4", "N s4/m4")
+    assert estimate.value == pytest.approx(6.0, rel=0.1)
+    low, high = estimate.ci95
+    assert low < 6.0 < high
+    found.save(tmp_path)
+    corrected = load_ship(tmp_path / "corrected_ship.toml")
+    assert corrected.number(estimate.key).value == pytest.approx(estimate.value)
+
+
+def test_a_ship_full_of_terms_is_offered_no_more() -> None:
+    (own,) = entries_of(WAVE_MAKING)
+    ship = load_ship("frigate")
+    for i in range(MAX_TERMS):
+        assert own.acts_on(ship)
+        ship = ship.with_term(Term(id=f"t{i}", acts_on="thrust", expression="1"))
+    assert not own.acts_on(ship)
+    assert not own.acts_on(load_ship("rov-thruster"))  # no hull that moves

@@ -91,7 +91,7 @@ def test_an_effect_is_not_scaled_the_wrong_way_or_beyond_its_range() -> None:
     far = Fitter(toy, bands())
     top = far.scaled(far.null, rub(100.0))
     assert top is not None
-    assert top.values[0] == far.trial_ship.range_of(FRICTION)[1]
+    assert top.values[0] == far.trial_ship.ship.number(FRICTION).info.high
 
 
 def test_an_effect_absent_at_infinity_has_no_straight_line() -> None:

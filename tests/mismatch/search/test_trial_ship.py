@@ -48,7 +48,7 @@ def test_records_and_ships_carry_the_same_numbers(trial_ship: TrialShip) -> None
     effects = (Placed(ENGINE_FRICTION, (8000.0,)), Placed(EPISODE, (0.5,), (60.0, 150.0)))
     record, ship = trial_ship.record(effects), trial_ship.corrected(effects)
     assert record.tobytes() == ship.record().tobytes()
-    assert ship.value(FRICTION) == 8000.0
+    assert ship.number(FRICTION).value == 8000.0
     assert trial_ship.record(()).tobytes() == trial_ship.nominal.tobytes()
     assert trial_ship.corrected(()) == trial_ship.ship
 
@@ -93,7 +93,7 @@ def test_probes_start_from_the_ship_s_own_value_and_stay_in_range(trial_ship: Tr
     assert gain.signed
     assert trial_ship.probes(gain) == pytest.approx([1.0 + p for p in steps])
     fouling = entry("hull-fouling (hull)").parameters[0]
-    low, high = trial_ship.range_of(fouling.key)
+    low, high = trial_ship.range_of(fouling)
     assert (low, high) == (-0.5, 3.0)
     assert trial_ship.probes(fouling) == [-0.3, -0.1, -0.03, 0.03, 0.1, 0.3, 0.8]  # not -0.8
     ship = load_ship("frigate").with_values({fouling.key: 2.9})

@@ -70,7 +70,7 @@ def table(**columns: Any) -> pd.DataFrame:
 
 def residuals(ship: Ship, recording: pd.DataFrame) -> dict[str, Any]:
     balances = Balances(JointReplay(ship, recording))
-    rows = balances.residuals(balances.replay.measured())
+    rows = balances.residuals(balances.replay.recorded)
     return dict(zip(balances.names, rows, strict=True))
 
 
@@ -149,12 +149,12 @@ def test_the_hull_lacks_what_thrust_and_resistance_leave() -> None:
 def test_the_pitch_lacks_what_its_answer_to_the_command_leaves() -> None:
     offset = load_ship("frigate").with_values({"sensors.pitch_offset": 0.04})
     balances = Balances(JointReplay(offset, frigate_voyage(seconds=20.0)))
-    measured = balances.replay.measured()
+    measured = balances.replay.recorded
     rows = balances.residuals(measured)
     assert rows[0] == pytest.approx(measured["pitch_ratio"] - balances.nominal["pitch_ratio"])
     # the propeller is told the blades' own pitch
     plain = Balances(JointReplay(load_ship("frigate"), frigate_voyage(seconds=20.0)))
-    read = plain.replay.measured() | {"pitch_ratio": measured["pitch_ratio"] - 0.04}
+    read = plain.replay.recorded | {"pitch_ratio": measured["pitch_ratio"] - 0.04}
     assert rows[2] == pytest.approx(plain.residuals(read)[2], rel=1e-9)
 
 
@@ -165,10 +165,16 @@ def test_what_is_not_measured_is_that_of_the_nominal_ship() -> None:
     samples = balances.nominal_samples
     full = voyage.assign(ship_speed_m_s=samples["ship_speed"], pitch_ratio=samples["pitch_ratio"])
     both = Balances(JointReplay(load_ship("frigate"), full))
-    shown = both.replay.measured()
-    assert balances.residuals(balances.replay.measured()) == pytest.approx(
-        both.residuals(shown)[1:3], rel=1e-9
-    )
+    assert both.names == ["engine", "propeller", "hull"]
+    expected = both.residuals(both.replay.recorded)[:2]
+    assert balances.residuals(balances.replay.recorded) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_pitch_that_never_moves_is_no_balance() -> None:
+    voyage = frigate_voyage(seconds=20.0)
+    assert "pitch-actuator" in residuals(load_ship("frigate"), voyage)
+    still = residuals(load_ship("frigate"), voyage.assign(pitch_ratio=1.2))
+    assert list(still) == ["engine", "propeller", "hull"]
 
 
 def test_lags_do_not_act_in_a_balance() -> None:
@@ -177,7 +183,7 @@ def test_lags_do_not_act_in_a_balance() -> None:
         {"prime_mover.lag_s": 3.0, "propeller.inflow_lag_s": 2.0}
     )
     rows = [
-        Balances(JointReplay(ship, voyage)).residuals(JointReplay(ship, voyage).measured())
+        Balances(JointReplay(ship, voyage)).residuals(JointReplay(ship, voyage).recorded)
         for ship in (load_ship("frigate"), late)
     ]
     assert rows[0][1:] == pytest.approx(rows[1][1:], rel=1e-12)
@@ -204,7 +210,7 @@ def test_a_simulation_lacks_what_the_recording_has_more() -> None:
     balances = Balances(JointReplay(load_ship("frigate"), frigate_voyage(derated)))
     lacking = balances.lacking(balances.nominal)
     assert lacking == pytest.approx(
-        balances.residuals(balances.replay.measured()) - balances.residuals(balances.nominal)
+        balances.residuals(balances.replay.measured) - balances.residuals(balances.nominal)
     )
     assert lacking[1].mean() < -5e3  # a tenth of the engine's torque is not there
     own = balances.replay.simulated(balances.replay.simulate(true.record()))

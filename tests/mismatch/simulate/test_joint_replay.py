@@ -54,7 +54,7 @@ def test_the_first_states_are_shifted_alike(both: JointReplay, frigate: Ship) ->
 
 
 def test_channels_are_measured_and_simulated_alike(both: JointReplay, frigate: Ship) -> None:
-    measured = both.measured()
+    measured = both.measured
     assert list(measured) == [
         "pitch_ratio",
         "shaft_speed_rad_s",
@@ -124,3 +124,44 @@ def test_a_demand_that_moves_for_a_moment_does_not_excite(frigate: Ship) -> None
     rows = np.arange(101)
     assert not JointReplay(frigate, steady(rack=np.where(rows < 2, 10.0, 20.0))).excited
     assert JointReplay(frigate, steady(rack=np.where(rows < 4, 10.0, 20.0))).excited
+
+
+def test_a_channel_without_noise_is_read_to_its_resolution(frigate: Ship) -> None:
+    exact = FIRST.assign(ship_speed_m_s=np.linspace(-8.0, 5.0, 101))
+    found = JointReplay(frigate, exact, exact)
+    assert found.recorded["ship_speed_m_s"] == pytest.approx(
+        [*exact["ship_speed_m_s"]] * 2, abs=0.0
+    )
+    added = found.measured["ship_speed_m_s"] - found.recorded["ship_speed_m_s"]
+    assert added.std() == pytest.approx(8e-5, rel=0.15)
+    assert (added[:101] != added[101:]).any()
+    again = JointReplay(frigate, exact, exact)
+    assert (again.measured["ship_speed_m_s"] == found.measured["ship_speed_m_s"]).all()
+    for column in ("pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m"):
+        assert (found.measured[column] == found.recorded[column]).all()
+
+
+@pytest.mark.parametrize(("rms", "left_alone"), [(1.2e-5, True), (0.8e-5, False)])
+def test_noise_of_a_hundred_thousandth_is_noise(
+    frigate: Ship, rms: float, left_alone: bool
+) -> None:
+    long = frigate_voyage(seconds=300.0)
+    noise = 10.0 * rms * np.random.default_rng(1).standard_normal(len(long))
+    found = JointReplay(frigate, long.assign(shaft_speed_rad_s=10.0 + noise))
+    speed = "shaft_speed_rad_s"
+    assert (found.measured[speed] == found.recorded[speed]).all() == left_alone
+    expected = 10.0 * (rms if left_alone else np.hypot(rms, 1e-5))
+    assert found.noise_rms[speed] == pytest.approx(expected, rel=0.1)
+
+
+def test_the_noise_is_that_of_the_first_recording(frigate: Ship) -> None:
+    rng = np.random.default_rng(1)
+    tables = [
+        frigate_voyage(seconds=60.0, seed=1).assign(
+            shaft_speed_rad_s=10.0 + rms * rng.standard_normal(301)
+        )
+        for rms in (0.02, 0.5)
+    ]
+    found = JointReplay(frigate, *tables).noise_rms
+    assert found["shaft_speed_rad_s"] == pytest.approx(0.02, rel=0.2)
+    assert list(found) == ["pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"]

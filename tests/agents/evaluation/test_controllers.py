@@ -1,0 +1,79 @@
+"""Controllers by name, classic ones and policies, and what they are called in tables."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from shaftline.agents import PolicyError, load_controller, load_policy
+from shaftline.agents.evaluation import controllers
+from shaftline.agents.evaluation.controllers import known, label, version_of
+from shaftline.agents.policy.policy import Policy, trained
+from shaftline.baselines.registry import ControllerError
+from shaftline.plant import load_ship
+
+SHIP = load_ship("frigate")
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A copy of a packaged policy."""
+    path = tmp_path / "runs" / "mine.npz"
+    path.parent.mkdir()
+    path.write_bytes(trained()["transit"].read_bytes())
+    return path
+
+
+def test_controllers_by_name(file: Path) -> None:
+    assert isinstance(load_controller(f"policy:{file}", SHIP, 0.5), Policy)
+    assert isinstance(load_controller("policy:transit", SHIP, 0.5), Policy)
+    assert not isinstance(load_controller("combinator", SHIP, 0.5), Policy)
+    assert not isinstance(load_controller("combinator:response_s=3", SHIP, 0.5), Policy)
+
+
+@pytest.mark.parametrize("text", ["autopilot", "autopilot:gain=1", "policy", "policy:"])
+def test_unknown_controllers_are_told_with_the_known(text: str) -> None:
+    with pytest.raises(
+        ControllerError, match=f"{text!r}; known: combinator, .*policy:FILE.npz, policy:"
+    ):
+        load_controller(text, SHIP, 0.5)
+
+
+def test_a_policy_is_of_one_ship_and_one_interval(file: Path) -> None:
+    with pytest.raises(
+        PolicyError, match=r"mine.npz: .* control_interval_s: the policy has 0\.5 s, here it is 1 s"
+    ):
+        load_controller(f"policy:{file}", SHIP, 1.0)
+    with pytest.raises(PolicyError, match="control_interval_s"):
+        load_controller(f"policy:{file}", SHIP, 0.5 + 1e-6)
+    assert load_controller(f"policy:{file}", SHIP, 0.5 + 1e-12)
+    with pytest.raises(PolicyError, match="ship: the policy has 'frigate', here it is 'ferry'"):
+        load_controller(f"policy:{file}", load_ship("ferry"), 0.5)
+
+
+def test_what_is_known_names_the_packaged_policies() -> None:
+    assert known().startswith("combinator, ")
+    assert known().endswith(
+        "policy:FILE.npz" + "".join(f", policy:{name}" for name in sorted(trained()))
+    )
+    assert {"transit", "storm", "speed-keeping"} <= set(trained())
+
+
+def test_a_policys_label_changes_with_its_file_and_with_what_sails_it(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = label(f"policy:{file}")
+    assert first == f"policy:runs/mine.npz {version_of(file)}"
+    assert label("policy:transit") == f"policy:transit {version_of(file)}"  # the same content
+    assert label("combinator:response_s=3") == "combinator:response_s=3"
+    policy = load_policy(file)
+    policy.about = json.loads(json.dumps(policy.about)) | {"seed": 99}
+    policy.save(file)
+    assert label(f"policy:{file}") != first
+    second = version_of(file)
+    monkeypatch.setattr(
+        controllers, "source_digest", lambda *places: "new" if places == ("agents/policy",) else ""
+    )
+    assert version_of(file) != second

@@ -1,0 +1,126 @@
+"""Each key performance indicator by hand, from a made-up run of two ships."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.agents.evaluation.kpis import KPIS, EpisodeSums
+from shaftline.envs import TERMS
+
+ALIVE = ((True, True), (True, True), (True, False))
+"""The second ship's episode ends after two intervals; what follows is another one's."""
+
+
+def made_up(k: int) -> dict[str, Any]:
+    def column(first: tuple[float, ...], second: tuple[float, ...]) -> Any:
+        return np.array([first[k], second[k]])
+
+    nothing = {name: np.zeros(2) for name in TERMS}
+    return {
+        "ship_speed": column((8.0, 9.0, 10.0), (5.0, 6.0, 90.0)),
+        "shaft_speed": column((10.0, 12.0, 11.0), (6.0, 5.0, 90.0)),
+        "shaft_torque": column((100e3, 140e3, 90e3), (50e3, 60e3, 900e3)),
+        "brake_torque": column((20e3, 10e3, 15e3), (5e3, 8e3, 90e3)),
+        "thrust": column((60e3, 90e3, 30e3), (20e3, 40e3, 900e3)),
+        "ventilation": column((0.5, 0.6, 0.9), (0.0, 0.4, 0.9)),
+        "position": column((4.0, 8.0, 13.0), (0.2, 0.5, 90.0)),
+        "reward_terms": nothing | {
+            "fuel_kg_s": column((1.0, 2.0, 3.0), (0.5, 0.7, 9.0)),
+            "rack_travel_mm": column((1.0, 0.0, 2.0), (4.0, 0.5, 9.0)),
+            "overload": column((0.0, 0.1, 0.2), (0.0, 0.0, 0.9)),
+            "overspeed": column((0.0, 0.0, 0.01), (0.02, 0.03, 0.9)),
+            "cavitation": column((0.5, 0.5, 0.5), (0.0, 0.0, 0.9)),
+            "failure": column((0.0, 0.0, 0.0), (0.0, 1.0, 1.0)),
+        },
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[dict[str, float]]:
+    sums = EpisodeSums(2, interval_s=0.5, gear_ratio=2.0)
+    orders = ((8.0, 6.0), (8.0, 6.0), (9.0, 0.0))
+    rewards = ((-1.0, -2.0), (-3.0, -500.0), (-0.5, -900.0))
+    for k in range(3):
+        sums.add(np.array(ALIVE[k]), made_up(k), np.array(rewards[k]), np.array(orders[k]))
+    table = sums.kpis()
+    assert list(table.columns) == list(KPIS)
+    return [row.to_dict() for _, row in table.iterrows()]
+
+
+def test_a_whole_episode(rows: list[dict[str, float]]) -> None:
+    assert rows[0] == pytest.approx(
+        {
+            "fuel_kg_nmi": 0.5 * (1.0 + 2.0 + 3.0) / 13.0 * 1852.0,
+            "speed_error_rms_m_s": math.sqrt((0.0 + 1.0 + 1.0) / 3.0),
+            "speed_mean_m_s": 13.0 / 1.5,
+            "speed_short_m_s": -2.0 / 3.0,
+            "torque_sd_kN_m": float(np.std([100.0, 140.0, 90.0])),
+            "torque_peak_kN_m": 140.0,
+            "rack_travel_mm_min": 3.0 / 1.5 * 60.0,
+            "overload_s": 1.0,
+            "shaft_speed_peak_rad_s": 12.0,
+            "overspeed_s": 0.5,
+            "cavitation_s": 1.5,
+            "ventilation_s": 1.0,
+            "thrust_mean_kN": 60.0,
+            "power_mean_kW": 2.0 * (200.0 + 120.0 + 165.0) / 3.0,
+            "power_peak_kW": 400.0,
+            "failed": 0.0,
+            "reward": -4.5,
+        }
+    )
+
+
+def test_an_episode_that_ended_early_counts_no_further(rows: list[dict[str, float]]) -> None:
+    assert rows[1] == pytest.approx(
+        {
+            "fuel_kg_nmi": 0.6 * 1852.0,  # over a metre at least
+            "speed_error_rms_m_s": math.sqrt(0.5),
+            "speed_mean_m_s": 0.5,
+            "speed_short_m_s": 0.5,
+            "torque_sd_kN_m": 5.0,
+            "torque_peak_kN_m": 60.0,
+            "rack_travel_mm_min": 270.0,
+            "overload_s": 0.0,
+            "shaft_speed_peak_rad_s": 6.0,
+            "overspeed_s": 1.0,
+            "cavitation_s": 0.0,
+            "ventilation_s": 0.0,
+            "thrust_mean_kN": 30.0,
+            "power_mean_kW": 70.0,
+            "power_peak_kW": 80.0,
+            "failed": 1.0,
+            "reward": -502.0,
+        }
+    )
+
+
+def test_a_torque_that_never_moves_has_no_deviation() -> None:
+    sums = EpisodeSums(1, interval_s=0.5, gear_ratio=2.0)
+    info = {name: column for name, column in made_up(0).items() if name != "reward_terms"}
+    info = {name: np.array([1e5 / 3.0]) for name in info}
+    terms = {name: np.zeros(1) for name in TERMS}
+    for _ in range(7):
+        sums.add(np.array([True]), info | {"reward_terms": terms}, np.zeros(1), np.zeros(1))
+    assert sums.kpis()["torque_sd_kN_m"][0] == pytest.approx(0.0, abs=1e-5)
+
+
+def test_the_page_tells_every_kpi_as_it_is_declared() -> None:
+    page = (Path(__file__).parents[3] / "docs/evaluate.md").read_text(encoding="utf-8")
+    table = re.search(r"\| figure \|.*?\n\n", page, re.DOTALL)
+    assert table is not None
+    assert dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", table[0], re.MULTILINE)) == KPIS
+
+
+def test_every_kpi_is_told_with_its_unit() -> None:
+    units = {"_m_s": "[m/s]", "_kN_m": "[kN m]", "_kN": "[kN]", "_s": "[s]", "_kW": "[kW]",
+             "_rad_s": "[rad/s]", "_nmi": "[kg]", "_mm_min": "[mm/min]"}  # fmt: skip
+    for name, meaning in KPIS.items():
+        ends = [end for end in units if name.endswith(end)]
+        assert not ends or meaning.endswith(units[max(ends, key=len)]), name

@@ -1,0 +1,92 @@
+"""What a policy in training is shown, and what becomes of its answers, on a corrected ship."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.agents.learning.pilot_env import PilotEnv
+from shaftline.agents.learning.privileged_critic import TOLD, told
+from shaftline.agents.policy.pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
+from shaftline.envs import FrigateVectorEnv, Sb3Frigates, get_task
+from shaftline.plant import load_ship
+
+REACH = Reach(pitch_offset=0.1, slow_s=2.0)
+CORRECTED = load_ship("frigate").with_values(
+    {"prime_mover.lag_s": 5.0, "propeller.inflow_lag_s": 5.0, "pitch_actuator.offset": 0.03}
+)
+SETTINGS: dict[str, Any] = {"task": "transit", "ship": CORRECTED, "episode_s": 8.0}
+
+
+def made(telling: bool = True, n: int = 4, **settings: Any) -> PilotEnv:
+    env = PilotEnv(Sb3Frigates(n, **SETTINGS | settings), REACH, telling)
+    env.seed(3)
+    return env
+
+
+def test_features_and_commands_are_the_adapters() -> None:
+    env, twin = made(), FrigateVectorEnv(4, **SETTINGS)
+    adapter = PilotAdapter(CORRECTED, 0.5, REACH)
+    shown = env.reset()
+    seen, _ = twin.reset(seed=3)
+    assert env.batch.elapsed.tolist() == [0, 4, 8, 12]  # of 16: each at another time
+    twin.batch.elapsed[:] = [0, 4, 8, 12]
+    features, memory = adapter.see(seen)
+    answers = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 4, len(ANSWERS)))
+    ended = 0
+    for answer in answers:
+        assert np.array_equal(shown[:, : len(FEATURES)], features)
+        assert np.array_equal(shown[:, len(FEATURES) :], told(twin.batch))
+        before = told(twin.batch)
+        shown, reward, done, infos = env.step(answer)
+        action = adapter.command(answer, memory, features)
+        seen, expected, terminated, truncated, info = twin.step(action)
+        assert reward == pytest.approx(expected, rel=1e-6)
+        assert np.array_equal(done, terminated | truncated)
+        for i in np.flatnonzero(done):
+            ended += 1
+            last, _ = adapter.see(info["final_obs"][i], memory[i : i + 1])
+            assert np.array_equal(infos[i]["terminal_observation"], [*last[0], *before[i]])
+            assert infos[i]["TimeLimit.truncated"]
+        features, memory = adapter.see(seen, memory, done)
+    assert ended == 5
+    assert 0.0 < env.acting_s < 60.0
+    env.close()
+
+
+def test_only_the_critic_is_told() -> None:
+    silent = made(telling=False)
+    assert silent.observation_space.shape == (len(FEATURES),)
+    assert np.shape(silent.reset()) == (4, len(FEATURES))
+    for _ in range(17):
+        shown, _, done, infos = silent.step(np.zeros((4, len(ANSWERS))))
+        assert np.asarray(shown).shape == (4, len(FEATURES))
+        for i in np.flatnonzero(done):
+            assert infos[i]["terminal_observation"].shape == (len(FEATURES),)
+    telling = made()
+    assert telling.observation_space.shape == (len(FEATURES) + len(TOLD),)
+    assert telling.action_space.shape == (len(ANSWERS),)
+    assert float(telling.action_space.high[0]) == 1.0  # type: ignore[attr-defined]
+
+
+def test_a_corrected_ship_begins_her_training_settled() -> None:
+    """Lags that began at nothing once showed a gauge of 299 kN m and a shaft that fell at once."""
+    still = get_task("transit").model_dump() | {
+        "seas": ("calm",), "resistance_rise": (0.0, 0.0), "resistance_swing": 0.0,
+        "speed_order_m_s": (8.0, 8.0),
+    }  # fmt: skip
+    shown = []
+    for ship in (CORRECTED, load_ship("frigate")):
+        env = PilotEnv(
+            Sb3Frigates(2, ship=ship, task=still, sensor_noise=0.0, observer="oracle"), REACH, True
+        )
+        env.seed(0)
+        shown.append(dict(zip(FEATURES, env.reset()[0], strict=False)))
+    corrected, plain = shown
+    assert corrected["shaft_torque"] == pytest.approx(plain["shaft_torque"], rel=0.1)
+    assert corrected["shaft_torque over 8 s"] == corrected["shaft_torque"]
+    assert corrected["advance_velocity"] == plain["advance_velocity"]
+    assert corrected["pitch_ratio"] == pytest.approx(plain["pitch_ratio"] + 0.03)
+    assert corrected["fuel_rack"] == pytest.approx(plain["fuel_rack"], rel=0.1)

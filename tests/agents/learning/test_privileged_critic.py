@@ -1,0 +1,79 @@
+"""What the critic is told is what the ship meets, and the policy does not see it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+
+from shaftline.agents.learning.privileged_critic import TOLD, PrivilegedCriticPolicy, told
+from shaftline.agents.policy.pilot_adapter import ANSWERS, FEATURES
+from shaftline.envs import FrigateVectorEnv
+from shaftline.envs.kernel import disturbance
+
+
+def test_the_critic_is_told_the_disturbance() -> None:
+    env = FrigateVectorEnv(5, task="transit", sea={"hs_m": (1.0, 5.0), "tp_s": 9.0})
+    env.reset(seed=2, options={"order_interval_s": 20.0})
+    rows = env.batch.arrays.episodes
+    for step in range(60):
+        if step in (0, 10, 59):
+            table = told(env.batch)
+            assert table.shape == (5, len(TOLD))
+            assert table.dtype == np.float32
+            time = 0.5 * step
+            for i, row in enumerate(table):
+                factor = disturbance(rows[i], time).resistance_factor
+                later = disturbance(rows[i], time + 1e-4).resistance_factor
+                rate = (later - factor) / 1e-4 / rows[i]["resistance_frequency"]
+                mean, swing, swing_rate, spent, sea = row.tolist()
+                assert mean == pytest.approx(rows[i]["resistance_mean"])
+                assert mean + swing == pytest.approx(factor, rel=1e-6)
+                assert swing_rate == pytest.approx(rate, abs=1e-4)
+                assert math.hypot(swing, swing_rate) == pytest.approx(0.1, rel=1e-5)
+                assert spent == pytest.approx({0: 0.0, 10: 0.25, 59: 0.475}[step])
+                height = 4.0 * math.sqrt(0.5 * np.sum(env.batch.arrays.seas["amplitude"][i] ** 2))
+                assert sea == pytest.approx(height / 4.0, rel=1e-6)
+                assert 1.0 <= height <= 5.0
+            assert len({*table[:, 4].tolist()}) == 5
+        env.step(np.tile([0.5, 0.1], (5, 1)))
+
+
+@pytest.fixture(scope="module")
+def policy() -> Any:
+    torch.manual_seed(0)
+    wide = spaces.Box(-np.inf, np.inf, (len(FEATURES) + len(TOLD),), np.float32)
+    answers = spaces.Box(-1.0, 1.0, (len(ANSWERS),), np.float32)
+    return PrivilegedCriticPolicy(wide, answers, lambda _: 1e-3, net_arch=[8, 6])
+
+
+def test_the_policy_sees_the_features_and_the_critic_everything(policy: Any) -> None:
+    rows = torch.randn(4, len(FEATURES) + len(TOLD))
+    other = rows.clone()
+    other[:, len(FEATURES) :] += 1.0
+    for first, second, moves in ((rows, other, False), (rows, rows + 1.0, True)):
+        same = torch.equal(
+            policy._predict(first, deterministic=True), policy._predict(second, deterministic=True)
+        )
+        assert same is not moves
+        assert not torch.equal(policy.predict_values(first), policy.predict_values(second))
+    together = policy(rows, deterministic=True)
+    assert torch.equal(together[0], policy._predict(rows, deterministic=True))
+    assert torch.equal(together[1], policy.predict_values(rows))
+
+
+def test_the_networks_are_as_the_recipe_has_them(policy: Any) -> None:
+    def widths(layers: Any) -> list[tuple[int, int]]:
+        return [(m.in_features, m.out_features) for m in layers if isinstance(m, torch.nn.Linear)]
+
+    assert widths(policy.mlp_extractor.policy_net) == [(22, 8), (8, 6)]
+    assert widths(policy.mlp_extractor.value_net) == [(27, 8), (8, 6)]
+    relu = PrivilegedCriticPolicy(
+        policy.observation_space, policy.action_space, lambda _: 1e-3, net_arch=[4],
+        activation_fn=torch.nn.ReLU,
+    )  # fmt: skip
+    assert isinstance(relu.mlp_extractor.policy_net[1], torch.nn.ReLU)

@@ -1,0 +1,137 @@
+"""Recipes: what is read, what goes before it, and what cannot be used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shaftline.agents import RecipeError, load_policy, read_recipe
+from shaftline.agents.learning.recipe import Recipe
+from shaftline.agents.policy.pilot_adapter import Reach
+from shaftline.agents.policy.policy import trained
+from shaftline.envs import get_task
+
+MINE = """
+transit:
+  n_envs: 32
+  n_timesteps: 2e5
+  legs: 3
+  normalize: false
+  env_kwargs: {observer: oracle, episode_s: 60.0}
+  weights: {fuel_kg_s: 3.0}
+  reach: {speed_offset: 0.8, torque_gain: [1.0, 0.5]}
+  n_steps: 256
+  learning_rate: lin_3e-4
+"""
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    file = tmp_path / "mine.yml"
+    file.write_text(MINE.replace("2e5", "!!float 2e5"))
+    return file
+
+
+def test_a_section_becomes_a_recipe(mine: Path) -> None:
+    plan = read_recipe("ppo", "transit", mine)
+    assert plan == Recipe(
+        algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, legs=3, normalize=False,
+        env_kwargs={"observer": "oracle", "episode_s": 60.0}, weights={"fuel_kg_s": 3.0},
+        reach=Reach(speed_offset=0.8, torque_gain=(1.0, 0.5)),
+        hyperparameters={"n_steps": 256, "learning_rate": "lin_3e-4"},
+    )  # fmt: skip
+
+
+def test_changes_go_before_the_file(mine: Path) -> None:
+    plan = read_recipe(
+        "ppo", "transit", mine, n_envs=8, legs=1, env_kwargs={"observer": "none", "sea": "calm"}
+    )
+    assert (plan.n_envs, plan.legs, plan.n_timesteps) == (8, 1, 200_000)
+    assert plan.env_kwargs == {"observer": "none", "episode_s": 60.0, "sea": "calm"}
+    assert plan.weights == {"fuel_kg_s": 3.0}
+
+
+def test_the_reward_in_training_is_the_tasks_but_for_the_recipes_weights(mine: Path) -> None:
+    task, plan = get_task("transit"), read_recipe("ppo", "transit", mine)
+    found = plan.rewarded()
+    assert found.weights.model_dump() == task.weights.model_dump() | {"fuel_kg_s": 3.0}
+    assert found.model_copy(update={"weights": task.weights}) == task
+
+
+def test_a_recipe_without_more_than_its_size_is_plain() -> None:
+    plan = Recipe.model_validate(
+        {"algorithm": "sac", "task": "storm", "n_envs": 1, "n_timesteps": 1}
+    )
+    assert (plan.legs, plan.normalize, plan.policy) == (10, True, "MlpPolicy")
+    assert plan.reach == Reach()
+    assert plan.rewarded() == get_task("storm")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("transit: {n_envs: 0, n_timesteps: 10}", r"n_envs = 0: .*greater than or equal to 1"),
+        ("transit: {n_envs: 4097, n_timesteps: 10}", "n_envs = 4097: .*less than or equal to 4096"),
+        ("transit: {n_envs: 1, n_timesteps: 0}", "n_timesteps = 0"),
+        ("transit: {n_envs: 1, n_timesteps: 1.5}", r"n_timesteps = 1\.5"),
+        ("transit: {n_envs: 1, n_timesteps: 1, legs: 0}", "legs = 0"),
+        ("transit: {n_envs: 1}", "n_timesteps.*required"),
+        (
+            "transit: {n_envs: 1, n_timesteps: 1, n_step: 2}",
+            "'n_step'; PPO knows .*n_steps.*n_envs",
+        ),
+        ("transit: {n_envs: 1, n_timesteps: 1, seed: 2}", "unknown key 'seed'"),
+        ("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}", "unknown key 'buffer_size'; PPO"),
+        ("transit: {n_envs: 1, n_timesteps: 1, reach: {slow_s: 0}}", "slow_s"),
+        ("transit: {n_envs: 1, n_timesteps: 1, weights: {joy: 1}}", "joy"),
+        ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {ship: ferry}}", r"env_kwargs\.ship"),
+        ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {action_mode: rack}}", "action_mode"),
+        ("storm: {n_envs: 1}", "no section 'transit'; it has storm"),
+        ("transit: 3", "no section 'transit'"),
+        ("- a\n- b", "no section 'transit'; it has none"),
+        ("transit: {", "cannot be read as YAML"),
+    ],
+)
+def test_recipes_that_cannot_be_used(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "mine.yml"
+    file.write_text(text)
+    with pytest.raises(RecipeError, match=f"(?s)mine.yml.*{words}"):
+        read_recipe("ppo", "transit", file)
+
+
+def test_unknown_algorithms_and_files_are_named(tmp_path: Path) -> None:
+    with pytest.raises(RecipeError, match="unknown algorithm 'dqn'; known: ppo, sac"):
+        read_recipe("dqn", "transit")
+    with pytest.raises(RecipeError, match=r"nowhere\.yml: cannot be read"):
+        read_recipe("sac", "transit", tmp_path / "nowhere.yml")
+
+
+def test_each_algorithm_has_keys_of_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yml"
+    file.write_text("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}")
+    assert read_recipe("sac", "transit", file).hyperparameters == {"buffer_size": 2}
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("task", ["transit", "speed-keeping", "storm"])
+def test_every_task_has_a_recipe(algorithm: str, task: str) -> None:
+    plan = read_recipe(algorithm, task)
+    assert (plan.algorithm, plan.task) == (algorithm, task)
+
+
+def test_the_packages_recipe_is_read_and_changed() -> None:
+    changes: dict[str, Any] = {"n_envs": 8, "env_kwargs": {"observer": "oracle"}}
+    plan = read_recipe("ppo", "transit", **changes)
+    assert plan.n_envs == 8
+    assert plan.env_kwargs["observer"] == "oracle"
+    assert "sea" in plan.env_kwargs
+    assert changes["env_kwargs"] == {"observer": "oracle"}
+
+
+@pytest.mark.parametrize("name", sorted(trained()))
+def test_packaged_policies_are_of_the_packaged_recipes(name: str) -> None:
+    """Or the command on their cards would train something else."""
+    kept = load_policy(name).about["recipe"]
+    assert kept == read_recipe(kept["algorithm"], kept["task"]).model_dump(mode="json")

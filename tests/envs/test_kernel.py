@@ -1,0 +1,327 @@
+"""The compiled interval against the plant stepped by hand, and its parts at their limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.envs import FrigateEnv, FrigateVectorEnv, get_task
+from shaftline.envs.kernel import (
+    ENDINGS,
+    RUNNING,
+    STALLED,
+    TRIPPED,
+    _gains_at,
+    _why_ended,
+    disturbance,
+    speed_order,
+)
+from shaftline.envs.records import EPISODE
+from shaftline.observers import get_observer, update
+from shaftline.observers.base import ESTIMATE, Measurement
+from shaftline.observers.torque_curve import model_torque
+from shaftline.plant import Ship, load_ship
+from shaftline.plant.cavitation import burrill_ratio
+from shaftline.plant.drives.diesel import rack_torque, torque_limit
+
+from .by_hand import STILL, ByHand, Moment
+
+FAULTY = load_ship("frigate").with_values(
+    {
+        "prime_mover.lag_s": 0.4, "prime_mover.rack_rate_limit_mm_s": 8.0,
+        "propeller.inflow_lag_s": 0.5, "sensors.pitch_offset": 0.02,
+        "sensors.torque_bias_N_m": 2000.0, "sensors.torque_gain": 1.1,
+        "sensors.speed_log_lag_s": 3.0, "propeller.expanded_area_ratio": 0.5,
+    }
+)  # fmt: skip
+"""Every reading of this ship differs from the truth, and the rack from its command; she cavitates."""
+
+OPTIONS: dict[str, Any] = {
+    "speed_order_m_s": (5.0, 5.5, 6.5), "order_interval_s": 1.3, "initial_speed_m_s": 9.0,
+}  # fmt: skip
+PLAN = np.full((26, 2), (0.9, 1.0), np.float32)
+PLAN[:12] = np.random.default_rng(1).uniform(-0.2, 0.9, (12, 2))
+
+
+def storm(**settings: Any) -> tuple[FrigateEnv, ByHand, Any]:
+    """A rough voyage, the same by hand, and the first observation."""
+    env = FrigateEnv(ship=FAULTY, task="storm", sea="state-7", sensor_noise=0.0, **settings)
+    first, _ = env.reset(seed=4, options=OPTIONS)
+    return env, ByHand(env), first
+
+
+@pytest.mark.parametrize("mode", ["rack", "shaft-speed"])
+def test_observation_and_truth_are_the_plants_at_the_intervals_last_step(mode: str) -> None:
+    env, hand, _ = storm(action_mode=mode, observer="shaft-acceleration")
+    observer = get_observer("shaft-acceleration").discretise(env.batch.ship, env.batch.dt)
+    estimate = env.batch.arrays.estimates[0].copy()
+    changed = set()
+    for action in PLAN:
+        seen, _, _, _, info = env.step(action)
+        moments = hand.interval(action)
+        for now in moments:
+            velocity = update(
+                observer, estimate,
+                Measurement(now.shaft_speed, now.torque_read, now.pitch_read,
+                            now.outputs.shaft_acceleration, now.outputs.advance_velocity),
+            )  # fmt: skip
+        expected = [
+            now.order, now.shaft_speed, now.torque_read, now.pitch_read, now.rack, now.log,
+            velocity, estimate["valid"],
+        ]  # fmt: skip
+        assert seen == pytest.approx(np.asarray(expected, np.float32), rel=1e-6)
+        truth = {
+            "advance_velocity": now.outputs.advance_velocity, "thrust": now.outputs.thrust,
+            "fuel_flow": now.fuel, "ventilation": now.ventilation_after,
+            "ship_speed": now.ship_speed, "shaft_speed": now.shaft_speed,
+            "shaft_torque": now.outputs.shaft_torque, "brake_torque": now.outputs.brake_torque,
+            "position": now.position_after,
+        }  # fmt: skip
+        assert {name: info[name] for name in truth} == pytest.approx(truth, rel=1e-9)
+        assert len({*expected, *truth.values()}) >= len(expected) + len(truth) - 2
+        changed |= {now.order for now in moments}
+    assert changed == {5.0, 5.5, 6.5}
+    assert info["ventilation"] > 0.0
+
+
+def test_the_first_observation_is_of_the_beginning() -> None:
+    env, hand, first = storm(observer="oracle")
+    now = hand.interval(PLAN[0])[0]
+    own = env.batch.arrays.episodes[0]
+    assert first[:2] == pytest.approx(np.asarray([5.0, now.shaft_speed], np.float32))
+    # torque and inflow lag, so they do not depend on the command that comes next
+    assert first[2] == pytest.approx(now.torque_read, rel=1e-6)
+    assert first[3] == pytest.approx(now.pitch_read, rel=1e-6)
+    assert first[4] == pytest.approx(own["drive"], rel=1e-6)
+    assert first[5:7] == pytest.approx(
+        np.asarray([now.log, now.outputs.advance_velocity], np.float32)
+    )
+    assert own["gauge_torque"] == own["mean_torque"] == pytest.approx(now.outputs.shaft_torque)
+
+
+def test_a_speed_is_observed_as_the_log_reads_it() -> None:
+    env, _, first = storm()
+    for action in PLAN[:8]:
+        seen, _, _, _, info = env.step(action)
+    assert abs(seen[5] - info["ship_speed"]) > 0.015 > abs(first[5] - 9.0)
+
+
+def by_formula(plant: Any, moments: list[Moment], before: Moment, means: list[float]) -> Any:
+    """Terms of an interval, from the plant's own equations."""
+    rows = []
+    for last, now, mean in zip([before, *moments], moments, means, strict=False):
+        engine = plant["gear_ratio"] * now.shaft_speed
+        out, error = now.outputs, now.ship_speed - now.order
+        asked = rack_torque(plant, engine, now.rack) / torque_limit(plant, engine)
+        burrill = burrill_ratio(plant, out.thrust, out.advance_velocity, now.shaft_speed,
+                                out.pitch_ratio, out.submergence)  # fmt: skip
+        rows.append(
+            {
+                "speed_error_m_s": abs(error),
+                "fuel_kg_s": now.fuel,
+                "overload": max(asked - 1.0, 0.0),
+                "torque_rate_kN_m_s": abs(out.shaft_torque - last.outputs.shaft_torque) / 50.0,
+                "rack_travel_mm": len(moments) * abs(now.drive - last.drive),
+                "cavitation": max(burrill - 1.0, 0.0),
+                "overspeed": max(engine / plant["engine_speed_max"] - 1.0, 0.0),
+                "speed_error_squared_m2_s2": error**2,
+                "torque_swing_kN_m": 1e-3 * abs(out.shaft_torque - mean),
+            }
+        )
+    return {name: np.mean([row[name] for row in rows]) for name in rows[0]}
+
+
+@pytest.mark.parametrize("mode", ["rack", "shaft-speed"])
+def test_reward_terms_are_means_over_the_interval(mode: str) -> None:
+    env, hand, _ = storm(action_mode=mode)
+    start = env.batch.arrays.episodes[0].copy()
+    mean = torque = float(start["gauge_torque"])
+    before: Any = None
+    met: dict[str, float] = {}
+    for action in PLAN:
+        info = env.step(action)[4]
+        moments = hand.interval(action)
+        if before is None:
+            stand_in = moments[0].outputs._replace(shaft_torque=torque)
+            before = moments[0]._replace(outputs=stand_in, drive=float(start["drive"]))
+        means = []
+        for now in moments:
+            mean += 0.05 / 20.0 * (now.outputs.shaft_torque - mean)
+            means.append(mean)
+        expected = by_formula(hand.plant, moments, before, means)
+        found = dict(info["reward_terms"])
+        assert found.pop("failure") == 0.0
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        met = {name: max(met.get(name, 0.0), value) for name, value in expected.items()}
+        before = moments[-1]
+    never = [name for name, value in met.items() if value == 0.0]
+    assert never == ([] if mode == "rack" else ["overload"])  # the governor's limiter holds it off
+
+
+def test_a_failure_counts_once_and_is_named() -> None:
+    env = FrigateEnv(task=STILL, control_interval_s=0.05)
+    limit = 1000.0 * math.pi / 30.0 / 7.38
+    for speed, why in ((1.3 * limit, "overspeed trip"), (0.25, "stalled"), (0.9 * limit, None)):
+        env.reset(seed=0)
+        env.batch.arrays.states["shaft_speed"] = speed
+        _, reward, terminated, _, info = env.step([1.0, -1.0])
+        assert terminated == (why is not None)
+        assert info.get("ended") == why
+        assert info["reward_terms"]["failure"] == float(terminated)
+        assert (reward < -500.0) == terminated
+
+
+def test_the_shaft_may_run_from_three_tenths_of_its_lowest_speed_to_the_trip() -> None:
+    plant = load_ship("frigate").record()
+    low, high = (rpm * math.pi / 30.0 / 7.38 for rpm in (350.0, 1000.0))
+    assert _why_ended(plant, 1.1499 * high) == RUNNING
+    assert _why_ended(plant, 1.1501 * high) == TRIPPED
+    assert _why_ended(plant, 0.3001 * low) == RUNNING
+    assert _why_ended(plant, 0.2999 * low) == STALLED
+    assert _why_ended(plant, math.nan) == STALLED
+    assert ENDINGS == (None, "stalled", "overspeed trip")
+
+
+def episode(**values: Any) -> Any:
+    record = np.zeros(1, EPISODE)[0]
+    for name, value in values.items():
+        record[name] = value
+    return record
+
+
+def test_orders_follow_one_another_and_the_last_is_held() -> None:
+    record = episode(orders=np.arange(64.0), order_interval=10.0)
+    times = {0.0: 0.0, 9.99: 0.0, 10.0: 1.0, 19.99: 1.0, 629.9: 62.0, 630.0: 63.0, 640.0: 63.0,
+             1e6: 63.0}  # fmt: skip
+    assert {time: speed_order(record, time) for time in times} == times
+
+
+def test_resistance_swings_about_its_mean() -> None:
+    record = episode(
+        resistance_mean=1.2, resistance_swing=0.1, resistance_frequency=math.pi / 40.0,
+        resistance_phase=math.pi / 6.0,
+    )  # fmt: skip
+    for time, sine in ((0.0, 0.5), (40.0 / 3.0, 1.0), (100.0 / 3.0, 0.0), (160.0 / 3.0, -1.0)):
+        found = disturbance(record, time)
+        assert found == pytest.approx((0.0, 0.0, 1.2 + 0.1 * sine))
+
+
+def test_gains_lie_on_lines_between_the_speeds_of_the_tuning() -> None:
+    gains = np.array([[4.0, 6.0, 10.0], [1.0, 2.0, 8.0], [0.5, 0.4, 0.0]])
+    expected = {
+        3.0: (1.0, 0.5), 4.0: (1.0, 0.5), 5.5: (1.75, 0.425), 6.0: (2.0, 0.4), 7.0: (3.5, 0.3),
+        9.0: (6.5, 0.1), 10.0: (8.0, 0.0), 12.0: (8.0, 0.0),
+    }  # fmt: skip
+    for speed, pair in expected.items():
+        assert _gains_at(gains, speed) == pytest.approx(pair)
+    for speed in (3.0, 4.0, 5.0):
+        assert _gains_at(gains[:, :1].copy(), speed) == (1.0, 0.5)
+
+
+USUAL = {
+    "shaft_speed": 1e-3 * 1000.0 * math.pi / 30.0 / 7.38,  # 0.1 % of the highest speed
+    "shaft_torque": 5e-3 * 38e3 * 7.38,  # 0.5 % of full scale
+    "pitch_ratio": 4e-3,
+    "shaft_acceleration": 2e-2,
+    "ship_speed": 5e-2,
+}
+COLUMNS = {
+    "shaft_speed": "shaft_speed", "shaft_torque": "measured_shaft_torque",
+    "pitch_ratio": "measured_pitch_ratio", "ship_speed": "measured_ship_speed",
+}  # fmt: skip
+
+
+def readings(noise: Any, intervals: int = 40, n: int = 60) -> Any:
+    """Readings of n ships through an episode with held commands, and what the accelerometer said."""
+    env = FrigateVectorEnv(
+        n, task=STILL, sensor_noise=noise, observer="shaft-acceleration", control_interval_s=0.05,
+        episode_s=100.0, threads=1,
+    )  # fmt: skip
+    env.reset(seed=7)
+    rows = [env.batch.arrays.observations.copy()]
+    for _ in range(intervals):
+        env.step(np.full((n, 2), 0.4, np.float32))
+        rows.append(env.batch.arrays.observations.copy())
+    return np.stack(rows)
+
+
+def accelerations(table: Any, ship: Ship) -> Any:
+    """Shaft accelerations [rad/s2] that the observer was told, from its estimates."""
+    plant = ship.record()
+    flat = table.ravel()
+    torque = [
+        model_torque(plant, *map(float, row))
+        for row in zip(flat["estimated_advance_velocity"], flat["shaft_speed"],
+                       flat["measured_pitch_ratio"], strict=True)
+    ]  # fmt: skip
+    own = (flat["measured_shaft_torque"] - np.array(torque)) / plant["inertia_propeller_side"]
+    return own.reshape(table.shape)
+
+
+def test_every_instrument_has_its_noise_and_no_other() -> None:
+    clean, noisy = readings(0.0), readings(1.0)
+    errors = {
+        name: noisy[column].astype(np.float64) - clean[column] for name, column in COLUMNS.items()
+    }
+    for name, error in errors.items():
+        assert np.std(error) == pytest.approx(USUAL[name], rel=0.05), name
+        assert abs(np.mean(error)) < 0.1 * USUAL[name], name
+        assert np.std(error[0]) == pytest.approx(USUAL[name], rel=0.35), name  # at the reset too
+        assert abs(np.corrcoef(error[1:].ravel(), error[:-1].ravel())[0, 1]) < 0.06, name
+    table = np.corrcoef([error.ravel() for error in errors.values()])
+    assert np.abs(table - np.eye(len(errors))).max() < 0.06
+    for name in ("speed_order", "fuel_rack"):
+        assert np.array_equal(clean[name], noisy[name])
+
+
+def test_the_accelerometers_noise_reaches_the_observer_alone() -> None:
+    ship = load_ship("frigate")
+    clean, noisy = readings(0.0, 20), readings({"shaft_acceleration": 2e-2}, 20)
+    for column in COLUMNS.values():
+        assert np.array_equal(clean[column], noisy[column])
+    error = accelerations(noisy, ship) - accelerations(clean, ship)
+    assert np.std(error) == pytest.approx(2e-2, rel=0.06)
+
+
+def test_noise_by_instrument_and_by_share() -> None:
+    clean = readings(0.0, 10)
+    log, half = readings({"ship_speed": 0.2}, 10), readings(0.5, 10)
+    for name, column in COLUMNS.items():
+        error = log[column].astype(np.float64) - clean[column]
+        assert np.std(error) == pytest.approx(0.2 if name == "ship_speed" else 0.0, rel=0.1)
+        error = half[column].astype(np.float64) - clean[column]
+        assert np.std(error) == pytest.approx(0.5 * USUAL[name], rel=0.1)
+
+
+def test_noise_leaves_the_plant_alone_where_nobody_steers_by_it() -> None:
+    truths = []
+    for noise in (0.0, 1.0):
+        env = FrigateEnv(task="transit", sensor_noise=noise)
+        env.reset(seed=3)
+        truths.append([env.step(action)[4]["shaft_speed"] for action in PLAN])
+    assert truths[0] == truths[1]
+
+
+def test_the_first_estimate_begins_from_nothing() -> None:
+    env, _, first = storm(observer="none")
+    assert tuple(env.batch.arrays.estimates[0]["x"]) == (0.0, 0.0)
+    assert np.zeros(1, ESTIMATE)[0]["valid"] == env.batch.arrays.estimates[0]["valid"] == first[7]
+
+
+def test_terms_begin_anew_at_every_interval() -> None:
+    env = FrigateEnv(task=STILL, sensor_noise=0.0)
+    env.reset(seed=0)
+    first = env.step([0.5, 1.0])[4]["reward_terms"]["rack_travel_mm"]
+    second = env.step([0.5, 1.0])[4]["reward_terms"]["rack_travel_mm"]
+    assert first > 10.0
+    assert second == 0.0
+
+
+def test_weights_are_the_tasks() -> None:
+    weights = FrigateEnv(task="storm").batch.common["weights"]
+    assert {name: weights[name] for name in weights.dtype.names} == get_task(
+        "storm"
+    ).weights.model_dump()

@@ -1,0 +1,283 @@
+"""What a user may vary: every default, what each choice becomes, and what is refused by name."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.envs import DEFAULTS, FrigateEnv, FrigateVectorEnv, Settings, get_task
+from shaftline.envs.settings import (
+    OPTIONS,
+    Begin,
+    check_randomise,
+    drawn,
+    noise_of,
+    seas_of,
+)
+from shaftline.plant import Sea, get_sea, load_ship
+
+TRANSIT = get_task("transit")
+SPEEDS = (4.0, 10.0)
+PAGE = (Path(__file__).parents[2] / "docs/environment.md").read_text(encoding="utf-8")
+
+
+def test_defaults_stand_here_once() -> None:
+    assert dataclasses.asdict(DEFAULTS) == {
+        "ship": "frigate", "task": "speed-keeping", "observer": "random-walk-kalman",
+        "tuning": None, "sea": None, "sensor_noise": 1.0, "control_interval_s": 0.5,
+        "episode_s": 300.0, "randomise": None, "action_mode": "rack",
+    }  # fmt: skip
+    assert FrigateEnv().batch.settings == FrigateVectorEnv(2).batch.settings == DEFAULTS
+
+
+def test_the_page_tells_every_keyword_and_option() -> None:
+    table = re.search(r"\| keyword \|.*?\n\n", PAGE, re.DOTALL)
+    options = re.search(r"\| option \|.*?\n\n", PAGE, re.DOTALL)
+    assert table is not None
+    assert options is not None
+
+    def first_column(text: str) -> list[str]:
+        cells = re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
+        return [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
+
+    known = [field.name for field in dataclasses.fields(Settings)]
+    assert sorted(first_column(table[0])) == sorted([*known, "render_mode", "threads"])
+    assert first_column(options[0]) == list(OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "words"),
+    [
+        ({"fog": 1}, "unknown keyword 'fog'; known: ship, task, observer"),
+        ({"action_mode": "sail"}, "unknown action_mode 'sail'; known: rack, shaft-speed"),
+        ({"episode_s": 0.2}, r"episode_s = 0\.2 s is shorter than a control interval of 0\.5 s"),
+        ({"episode_s": 0.0}, r"episode_s = 0\.0 s: must be above 0"),
+        ({"episode_s": math.inf}, "episode_s = inf s: must be above 0 and finite"),
+        ({"episode_s": math.nan}, "episode_s = nan"),
+        ({"control_interval_s": 0.0}, r"control_interval_s = 0\.0 s: must be above 0"),
+        ({"control_interval_s": -0.5, "episode_s": -9.0}, "control_interval_s = -0.5"),
+    ],
+)
+def test_keywords_out_of_range_are_named(keywords: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Settings.of(keywords)
+
+
+@pytest.mark.parametrize(("episode_s", "intervals"), [(0.5, 1), (0.26, 1), (4.0, 8), (300.0, 600)])
+def test_an_episode_is_whole_intervals(episode_s: float, intervals: int) -> None:
+    assert Settings.of({"episode_s": episode_s}).intervals == intervals
+
+
+def test_an_interval_is_whole_plant_steps() -> None:
+    assert Settings().steps(0.05) == 10
+    assert Settings(control_interval_s=0.05).steps(0.05) == 1
+    assert Settings(control_interval_s=0.3).steps(0.1) == 3  # whatever floating point makes of it
+    for interval in (0.12, 0.05 + 1e-8, 0.01):
+        with pytest.raises(
+            ValueError, match=f"control_interval_s = {interval!r} s: .*step of 0.05 s"
+        ):
+            Settings(control_interval_s=interval).steps(0.05)
+
+
+def test_seas_are_presets_parameters_ranges_and_lists_of_them() -> None:
+    state_5 = get_sea("state-5")
+    assert seas_of("calm", TRANSIT) == [None]
+    assert seas_of("state-5", TRANSIT) == [(state_5, state_5)]
+    assert seas_of(state_5, TRANSIT) == [(state_5, state_5)]
+    assert seas_of(None, TRANSIT) == [(get_sea(name),) * 2 for name in TRANSIT.seas]
+    low, high = Sea(hs_m=1.0, tp_s=9.0), Sea(hs_m=5.0, tp_s=9.0)
+    assert seas_of({"hs_m": (1.0, 5.0), "tp_s": 9.0}, TRANSIT) == [(low, high)]
+    assert seas_of({"hs_m": [1.0], "tp_s": (9.0, 9.0)}, TRANSIT) == [(low, low)]
+    both = seas_of(["calm", {"hs_m": 1.0, "tp_s": 9.0}], TRANSIT)
+    assert both == [None, (low, low)]
+
+
+@pytest.mark.parametrize(
+    ("sea", "words"),
+    [
+        ("state-9", "unknown sea 'state-9'"),
+        ({"hs_m": (4.0, 1.0), "tp_s": 9.0}, r"sea\['hs_m'\] = \(4\.0, 1\.0\): .*a lowest and a"),
+        ({"hs_m": (1.0, 2.0, 4.0), "tp_s": 9.0}, r"sea\['hs_m'\]"),
+        ({"hs_m": (), "tp_s": 9.0}, r"sea\['hs_m'\]"),
+        ({"hs_m": 30.0, "tp_s": 9.0}, "(?s)hs_m.*less than or equal to 25"),
+        ({"hs_m": 3.0}, "(?s)tp_s.*required"),
+        ({"hs_m": 3.0, "tp_s": 9.0, "wind": 1.0}, "wind"),
+        ([], r"sea = \[\]: must be a preset"),
+        (5, "sea = 5: must be a preset"),
+        (["calm", "state-9"], "unknown sea 'state-9'"),
+    ],
+)
+def test_seas_that_do_not_exist_are_named(sea: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        seas_of(sea, TRANSIT)
+    with pytest.raises(ValueError, match=words):
+        FrigateEnv(sea=sea)
+
+
+def test_a_sea_is_drawn_evenly_from_its_range() -> None:
+    rng = np.random.default_rng(0)
+    (choice,) = seas_of({"hs_m": (1.0, 5.0), "tp_s": 9.0, "heading_deg": (0.0, 90.0)}, TRANSIT)
+    found = [drawn(choice, rng) for _ in range(400)]
+    heights = np.array([sea.hs_m for sea in found if sea])
+    headings = np.array([sea.heading_deg for sea in found if sea])
+    assert {sea.tp_s for sea in found if sea} == {9.0}
+    assert (heights.min() > 1.0) & (heights.max() < 5.0)
+    assert np.mean(heights) == pytest.approx(3.0, abs=0.15)
+    assert np.std(heights) == pytest.approx(4.0 / math.sqrt(12.0), rel=0.07)
+    assert abs(np.corrcoef(heights, headings)[0, 1]) < 0.15
+    state = rng.bit_generator.state
+    assert drawn(None, rng) is None
+    assert rng.bit_generator.state == state
+
+
+def test_usual_instruments_follow_the_ships_full_scale() -> None:
+    frigate, ferry = load_ship("frigate"), load_ship("ferry")
+    usual = {
+        "shaft_speed": 1e-3 * 1000.0 * math.pi / 30.0 / 7.38, "shaft_torque": 5e-3 * 38e3 * 7.38,
+        "pitch_ratio": 4e-3, "shaft_acceleration": 2e-2, "ship_speed": 5e-2,
+    }  # fmt: skip
+    for share in (1.0, 0.5, 0.0):
+        record = noise_of(frigate, share)
+        assert {name: record[name] for name in record.dtype.names} == pytest.approx(
+            {name: share * rms for name, rms in usual.items()}
+        )
+    top = ferry.shaft_speeds[1]
+    assert noise_of(ferry, 1.0)["shaft_speed"] == pytest.approx(1e-3 * top)
+    unlimited = frigate.with_values({"prime_mover.torque_limit_N_m": math.inf})
+    assert noise_of(unlimited, 1.0)["shaft_torque"] == 0.0
+
+
+def test_rms_by_instrument_leaves_the_others_perfect() -> None:
+    record = noise_of(load_ship("frigate"), {"ship_speed": 0.2, "pitch_ratio": 0.0})
+    assert record.tolist() == (0.0, 0.0, 0.0, 0.0, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("noise", "words"),
+    [
+        (-0.1, r"sensor_noise = -0\.1: must be 0 or more"),
+        (math.inf, "sensor_noise = inf"),
+        ({"smell": 1.0}, r"sensor_noise\['smell'\] = 1\.0: .*shaft_speed, shaft_torque"),
+        ({"ship_speed": -0.1}, r"sensor_noise\['ship_speed'\] = -0\.1"),
+        ({"ship_speed": math.inf}, "ship_speed"),
+    ],
+)
+def test_noise_out_of_range_is_named(noise: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        noise_of(load_ship("frigate"), noise)
+
+
+@pytest.mark.parametrize(
+    ("key", "width", "words"),
+    [
+        ("colour", 0.1, r"randomise\['colour'\] = 0\.1: must be a number of the ship's file"),
+        ("hull.colour", 0.1, "must be a number of the ship's file by its dotted key"),
+        ("resistance_coefficient", 0.1, "by its dotted key"),  # the record's name
+        ("prime_mover", 0.1, "by its dotted key"),
+        ("prime_mover.type", 0.1, "by its dotted key"),
+        ("hull.propellers", 0.1, "by its dotted key"),
+        ("hull.mass_kg", 1.0, r"= 1\.0: must be a half width from 0 to below 1"),
+        ("hull.mass_kg", -0.1, "half width"),
+        ("hull.mass_kg", math.nan, "half width"),
+        ("hull.fouling_fraction", 0.1, "the ship has 0 there, which a factor does not vary"),
+        ("prime_mover.rack_rate_limit_mm_s", 0.1, "the ship has inf there"),
+        ("transmission.efficiency", 0.1, r"0\.855 to 1\.045 leaves .* 0\.3 to 1 \(unit -\)"),
+        ("pitch_actuator.time_constant_s", 0.98, r"0\.04 to 3\.96 .* 0\.05 to 100 \(unit s\)"),
+    ],
+)
+def test_what_a_factor_cannot_vary_is_named(key: str, width: float, words: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(f"randomise[{key!r}]") + f".*{words}|{words}"):
+        check_randomise(load_ship("frigate"), {key: width})
+    with pytest.raises(ValueError, match=words):
+        FrigateVectorEnv(2, randomise={"hull.mass_kg": 0.1, key: width})
+
+
+def test_factors_may_reach_the_ends_of_a_range_and_stand_at_negative_numbers() -> None:
+    ship = load_ship("frigate")
+    check_randomise(ship, {"hull.mass_kg": 0.0, "hull.thrust_deduction": 0.99})
+    check_randomise(ship, {"prime_mover.torque_offset_N_m": 0.5})  # -7381 N m
+    whole = ship.with_values({"transmission.efficiency": 0.8})
+    check_randomise(whole, {"transmission.efficiency": 0.25})
+    with pytest.raises(ValueError, match="efficiency"):
+        check_randomise(whole, {"transmission.efficiency": 0.2501})
+
+
+def test_no_options_leave_all_to_the_task() -> None:
+    nothing: list[dict[str, Any] | None] = [None, {}]
+    for options in nothing:
+        assert Begin.of(options, TRANSIT, SPEEDS) == Begin(None, None, 1e4, None, None)
+
+
+def test_options_become_what_an_episode_begins_with() -> None:
+    begin = Begin.of(
+        {"sea": "state-5", "speed_order_m_s": (5, 6.5), "order_interval_s": 20,
+         "initial_speed_m_s": 7, "resistance_rise": 0.1}, TRANSIT, SPEEDS,
+    )  # fmt: skip
+    assert begin.seas == seas_of("state-5", TRANSIT)
+    assert begin.orders is not None
+    assert begin.orders.tolist() == [5.0] + 63 * [6.5]
+    assert (begin.order_interval_s, begin.initial_speed_m_s, begin.resistance_rise) == (20, 7, 0.1)
+    alone = Begin.of({"speed_order_m_s": 6.0}, TRANSIT, SPEEDS).orders
+    assert alone is not None
+    assert alone.tolist() == 64 * [6.0]
+    full = Begin.of({"speed_order_m_s": np.linspace(4.0, 9.0, 64)}, TRANSIT, SPEEDS).orders
+    assert full is not None
+    assert full.tolist() == np.linspace(4.0, 9.0, 64).tolist()
+
+
+GOOD_ENDS: dict[str, tuple[Any, ...]] = {
+    "speed_order_m_s": (0.0, 40.0), "order_interval_s": (1e-3, math.inf),
+    "initial_speed_m_s": SPEEDS, "resistance_rise": (-0.9, 10.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GOOD_ENDS)
+def test_options_may_reach_the_ends_of_their_ranges(name: str) -> None:
+    for end in GOOD_ENDS[name]:
+        Begin.of({name: end}, TRANSIT, SPEEDS)
+
+
+BAD_OPTIONS: list[tuple[dict[str, Any], str]] = [
+    ({"wind": 1.0}, "unknown option 'wind'; known: sea, speed_order_m_s, order_interval_s"),
+    ({"sea": "state-9"}, "unknown sea 'state-9'"),
+    ({"sea": []}, r"sea = \[\]"),
+    ({"speed_order_m_s": -0.1}, r"speed_order_m_s = .*-0\.1.*: must be 0 to 40 m/s"),
+    ({"speed_order_m_s": (5.0, 40.1)}, "speed_order_m_s = .*40.1"),
+    ({"speed_order_m_s": "fast"}, "speed_order_m_s = .*fast"),
+    ({"speed_order_m_s": None}, "speed_order_m_s = None"),
+    ({"speed_order_m_s": math.nan}, "speed_order_m_s = .*nan"),
+    ({"speed_order_m_s": []}, "speed_order_m_s: 1 to 64 orders are needed"),
+    ({"speed_order_m_s": np.full(65, 5.0)}, "speed_order_m_s: 1 to 64"),
+    ({"speed_order_m_s": [[5.0, 6.0]]}, "speed_order_m_s: 1 to 64"),
+    ({"order_interval_s": 0.0}, r"order_interval_s = 0\.0: must be 0\.001 to inf s"),
+    ({"order_interval_s": None}, "order_interval_s = None"),
+    ({"initial_speed_m_s": 1.0}, r"initial_speed_m_s = 1\.0: must be 4(\.434\d+)? to 10"),
+    ({"initial_speed_m_s": 10.5}, r"initial_speed_m_s = 10\.5: must be 4"),
+    ({"resistance_rise": -0.91}, r"resistance_rise = -0\.91: must be -0\.9 to 10 -"),
+    ({"resistance_rise": 10.1}, r"resistance_rise = 10\.1"),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS)
+def test_options_out_of_range_are_named(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Begin.of(options, TRANSIT, SPEEDS)
+
+
+@pytest.mark.parametrize("form", [FrigateEnv, lambda **settings: FrigateVectorEnv(2, **settings)])
+@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS)
+def test_a_refused_reset_changes_nothing(form: Any, options: dict[str, Any], words: str) -> None:
+    env, other = form(task="transit"), form(task="transit")
+    for one in (env, other):
+        one.reset(seed=1, options={"sea": "calm", "resistance_rise": 0.2})
+    with pytest.raises(ValueError, match=words):
+        env.reset(seed=2, options=options)
+    for name, array in env.batch.arrays._asdict().items():
+        assert np.array_equal(array, getattr(other.batch.arrays, name)), name
+    assert np.array_equal(env.reset()[0], other.reset()[0])  # nor what is drawn next

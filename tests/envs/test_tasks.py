@@ -1,0 +1,88 @@
+"""Tasks as data: what comes with the package, and what a user may make of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from shaftline.envs import FrigateEnv, Task, get_task, tasks
+from shaftline.envs.tasks import HELD_OUT, TaskError
+from shaftline.plant import get_sea, load_ship
+
+
+def test_a_name_a_task_and_its_fields_are_the_same() -> None:
+    transit = get_task("transit")
+    assert transit == tasks()["transit"]
+    assert get_task(transit) is transit
+    assert get_task(transit.model_dump()) == transit
+    assert list(tasks()) == ["speed-keeping", "transit", "storm"]
+
+
+@pytest.mark.parametrize("name", tasks())
+def test_held_out_is_the_same_task_in_other_seas_and_resistances(name: str) -> None:
+    task, held = get_task(name), get_task(f"{name}:{HELD_OUT}")
+    assert task.held_out is not None
+    assert (held.seas, held.resistance_rise, held.resistance_swing) == (
+        task.held_out.seas, task.held_out.resistance_rise, task.held_out.resistance_swing,
+    )  # fmt: skip
+    assert held.resistance_swing > task.resistance_swing
+    same = {"seas": task.seas, "resistance_rise": task.resistance_rise,
+            "resistance_swing": task.resistance_swing}  # fmt: skip
+    assert held.model_copy(update=same) == task
+    for sea in (*task.seas, *held.seas):
+        get_sea(sea)
+
+
+def test_a_storm_ventilates_the_screw() -> None:
+    ship = FrigateEnv(task="storm").batch.ship
+    assert ship == load_ship("frigate").with_values(dict(get_task("storm").ship))
+    assert ship.propeller.depth_m == 3.0
+    assert FrigateEnv(task="transit").batch.ship == load_ship("frigate")
+
+
+@pytest.mark.parametrize("name", ["dancing", "transit:dancing", "", "dancing:held-out"])
+def test_unknown_names_are_told_with_the_known(name: str) -> None:
+    with pytest.raises(
+        TaskError, match=f"unknown task '{name}'; known: speed-keeping, .*:{HELD_OUT}"
+    ):
+        get_task(name)
+
+
+def fields(**changes: Any) -> dict[str, Any]:
+    return get_task("transit").model_dump() | changes
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"seas": ()}, "seas"),
+        ({"joy": 1.0}, "joy"),
+        ({"order_interval_s": 0.0}, "order_interval_s"),
+        ({"resistance_swing": 1.0}, "resistance_swing"),
+        ({"resistance_swing": -0.1}, "resistance_swing"),
+        ({"speed_order_m_s": (9.0, 7.0)}, "speed_order_m_s.*the lowest value must stand first"),
+        ({"resistance_rise": (0.3, -0.1)}, "resistance_rise.*the lowest value"),
+        ({"resistance_rise": (0.0, float("inf"))}, "resistance_rise"),
+        ({"weights": {}}, "weights.fuel_kg_s"),
+        ({"held_out": {"seas": ["calm"], "resistance_rise": (1.0, 0.0), "resistance_swing": 0.1}},
+         "held_out.resistance_rise"),
+    ],
+)  # fmt: skip
+def test_fields_out_of_range_are_named(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(TaskError, match=f"(?s)task: .*{words}"):
+        get_task(fields(**changes))
+
+
+def test_ranges_may_be_a_single_value() -> None:
+    task = get_task(fields(speed_order_m_s=(8.0, 8.0), resistance_swing=0.0))
+    assert isinstance(task, Task)
+    assert task.speed_order_m_s == (8.0, 8.0)
+
+
+def test_a_task_without_held_out_seas_keeps_its_own() -> None:
+    assert get_task(fields(held_out=None)).held_out is None
+    with pytest.raises(ValueError, match="unknown sea 'state-9'"):
+        FrigateEnv(task=fields(seas=("state-9",)))
+    with pytest.raises(ValueError, match="hull"):
+        FrigateEnv(task=fields(ship={"hull.colour": 1.0}))

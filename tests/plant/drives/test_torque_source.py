@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from shaftline.plant import Schedule, Ship, equilibrium, load_ship, simulate
+from shaftline.plant.drives.torque_source import TorqueSource
+from shaftline.plant.drives.two_way import fill_two_way
+
+
+@pytest.fixture(scope="module")
+def tug() -> Ship:
+    tree = load_ship("tito-neri-sine").model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "torque-command", "torque_max_N_m": 0.2}
+    return Ship.model_validate(tree)
+
+
+def test_record_has_end_stops_either_way_and_no_rack(tug: Ship) -> None:
+    plant = tug.record()
+    assert (plant["drive_min"], plant["drive_max"]) == (-0.2, 0.2)
+    assert plant["rack_rate_limit"] == math.inf
+    assert plant["prime_mover"] == TorqueSource.code == 2
+
+
+def test_end_stops_are_alike() -> None:
+    record: dict[str, Any] = {"drive_max": 3.0}
+    fill_two_way(record)
+    assert record == {"drive_max": 3.0, "drive_min": -3.0, "rack_rate_limit": math.inf}
+
+
+def test_it_is_driven_by_a_torque() -> None:
+    assert TorqueSource.balance == "motor"
+    assert TorqueSource.demand.column == "motor_torque_N_m"
+    demand = TorqueSource.demand
+    assert (demand.low, demand.high, demand.unit) == (-1e8, 1e8, "N m")
+
+
+def test_it_delivers_what_it_is_told_up_to_its_limit(tug: Ship) -> None:
+    start = equilibrium(tug, 0.1, 1.0)
+    assert start.outputs.brake_torque == 0.1
+    for demand, torque in ((0.15, 0.15), (0.5, 0.2), (-0.5, -0.2)):
+        run = simulate(tug, Schedule(demand, 1.0), 0.01, initial=start.state)
+        assert run["brake_torque"][-1] == torque

@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+from shaftline.plant import Ship, load_ship
+from shaftline.plant.columns import (
+    BOUNDS,
+    COLUMNS,
+    DEMANDS,
+    MEASURED,
+    ON_ANY_SHIP,
+    drive_column,
+    input_columns,
+)
+from shaftline.plant.signals import SAMPLE, get_signal
+
+MEASURED_ON_ANY_SHIP = ("pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s")
+
+
+def test_a_ship_is_driven_by_time_its_demand_and_its_pitch(frigate: Ship) -> None:
+    assert input_columns(frigate) == ["time_s", "fuel_rack_mm", "pitch_ratio_command"]
+    assert drive_column(frigate) == "fuel_rack_mm"
+    tug = load_ship("tito-neri-sine")
+    assert input_columns(tug) == ["time_s", "motor_voltage_V"]
+    assert drive_column(tug) == "motor_voltage_V"
+
+
+def test_every_column_is_understood_once() -> None:
+    assert len(set(COLUMNS)) == len(COLUMNS)
+    assert set(COLUMNS) <= set(BOUNDS)
+    assert COLUMNS[:4] == ("time_s", "fuel_rack_mm", "motor_voltage_V", "motor_torque_N_m")
+    assert {demand.column for demand in DEMANDS} <= set(COLUMNS)
+
+
+def test_bounds_are_those_of_the_signals() -> None:
+    assert BOUNDS["fuel_rack_mm"] == (0, 200, "mm")
+    assert BOUNDS["motor_voltage_V"] == (-1e5, 1e5, "V")
+    assert BOUNDS["fuel_flow_kg_s"] == (0, 100, "kg/s")
+    assert BOUNDS["shaft_torque_N_m"] == (-1e8, 1e8, "N m")
+
+
+def test_each_measured_column_has_the_signal_that_answers_it() -> None:
+    for column, name in MEASURED.items():
+        assert name in (SAMPLE.names or ())
+        assert get_signal(name).column == column
+    assert tuple(MEASURED) == (*MEASURED_ON_ANY_SHIP, "thrust_N", "motor_current_A")
+    assert ON_ANY_SHIP == MEASURED_ON_ANY_SHIP

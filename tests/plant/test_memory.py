@@ -1,0 +1,213 @@
+"""Delay lines, instruments, and memories that begin as if they had been there for ever."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from shaftline.plant import Equilibrium, Schedule, Ship, simulate
+from shaftline.plant.memory import (
+    HISTORY,
+    MEMORY,
+    _delayed,
+    begin_step,
+    end_step,
+    read_instruments,
+    settle,
+)
+from shaftline.plant.state import Outputs, State
+
+DT = 0.05
+OUTPUTS = Outputs(1.3, 7.9, 2e5, 8e4, 9e4, 1.3e4, 0.0, 2e5, 0.0, 0.2, 4.0)
+STATE = State(1.31, 10.0, 8.0, 5.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def memory() -> Any:
+    return np.zeros(1, MEMORY)[0]
+
+
+@pytest.mark.parametrize("cursor", [0, 2, 127, 128, 1000])
+@pytest.mark.parametrize(
+    ("delay", "expected"),
+    [(0.0, 0.0), (1.0, 1.0), (3.0, 3.0), (2.25, 2.25), (0.5, 0.5), (126.0, 126.0)],
+)
+def test_delay_line_looks_back_and_between_samples(
+    cursor: int, delay: float, expected: float
+) -> None:
+    """On a ramp, whose sample of n steps ago is n less."""
+    line = np.zeros(HISTORY)
+    for k in range(cursor - HISTORY + 1, cursor + 1):
+        line[k % HISTORY] = 10.0 * k
+    assert _delayed(line, cursor, delay) == pytest.approx(10.0 * (cursor - expected), abs=1e-9)
+
+
+def test_a_delayed_step_has_its_share_of_the_step_in_which_it_comes() -> None:
+    line = np.zeros(HISTORY)
+    line[5:] = 1.0  # sample 5 and later
+    assert [_delayed(line, k, 2.25) for k in (6, 7, 8, 9)] == pytest.approx([0.0, 0.75, 1.0, 1.0])
+
+
+def test_the_longest_delays_fit_the_usual_step(frigate: Ship) -> None:
+    """Six seconds at 0.05 s, the ranges' upper ends."""
+    ship = frigate.with_values({"sensors.torque_delay_s": 6.0, "prime_mover.dead_time_s": 6.0})
+    assert ship.time_step_s == DT
+
+
+def test_demand_passes_dead_time_then_rate_limit(plant: Any, memory: Any) -> None:
+    plant["engine_dead_time"], plant["rack_rate_limit"] = 2.5 * DT, 100.0
+    memory["rack"], memory["cursor"] = 20.0, 130
+    memory["demands"][:] = 20.0
+    delivered = []
+    for _ in range(6):
+        delivered.append(begin_step(plant, memory, 40.0, DT))
+        memory["cursor"] += 1
+    # from the third step on half the rise, then all of it; 5 mm a step are let through
+    assert delivered == pytest.approx([20.0, 20.0, 25.0, 30.0, 35.0, 40.0])
+    assert memory["rack"] == delivered[-1]
+    assert memory["demands"][130 - HISTORY] == 40.0
+
+
+def test_without_dead_time_the_demand_is_delivered_at_once(plant: Any, memory: Any) -> None:
+    assert begin_step(plant, memory, 33.0, DT) == 33.0
+    assert begin_step(plant, memory, 99.0, DT) == memory["rack"] == 40.0
+    assert not memory["demands"].any()
+
+
+def test_instruments_read_with_offset_gain_and_bias(plant: Any, memory: Any) -> None:
+    plant["pitch_sensor_offset"] = -0.03
+    plant["torque_sensor_gain"], plant["torque_sensor_bias"] = 1.04, -2e3
+    read_instruments(plant, memory, OUTPUTS, DT)
+    assert memory["pitch_ratio"] == pytest.approx(1.27)
+    assert memory["shaft_torque"] == pytest.approx(1.04 * 9e4 - 2e3)
+    assert memory["blade_pitch"] == 1.3
+    assert memory["ventilated"] == 0
+
+
+def test_sound_instruments_read_the_truth(plant: Any, memory: Any) -> None:
+    read_instruments(plant, memory, OUTPUTS, DT)
+    assert (memory["pitch_ratio"], memory["shaft_torque"]) == (1.3, 9e4)
+    assert not memory["torques"].any()
+
+
+def test_torque_is_read_late(plant: Any, memory: Any) -> None:
+    plant["torque_sensor_delay"] = 1.25 * DT
+    memory["cursor"], memory["torques"][:] = 200, 5e4
+    read = []
+    for _ in range(3):
+        read_instruments(plant, memory, OUTPUTS, DT)
+        read_instruments(plant, memory, OUTPUTS, DT)  # seeing it twice changes nothing
+        read.append(float(memory["shaft_torque"]))
+        memory["cursor"] += 1
+    assert read == pytest.approx([5e4, 5e4 + 0.75 * 4e4, 9e4])
+
+
+@pytest.mark.parametrize(("depth", "air"), [(2.0, 1), (2.2, 0)])
+def test_air_is_seen_where_the_propeller_can_draw_it(
+    plant: Any, memory: Any, depth: float, air: int
+) -> None:
+    shallow = OUTPUTS._replace(submergence=depth)
+    read_instruments(plant, memory, shallow, DT)
+    assert memory["ventilated"] == 0
+    plant["ventilation_thrust_loss"] = 0.5
+    read_instruments(plant, memory, shallow, DT)
+    assert memory["ventilated"] == air
+    read_instruments(plant, memory, OUTPUTS._replace(submergence=2.6), DT)
+    assert memory["ventilated"] == air  # it stays up to 1.3 R
+
+
+def test_speed_log_follows_exactly_first_order(plant: Any, memory: Any) -> None:
+    plant["speed_log_lag"], memory["speed_log"] = 2.0, 1.0
+    for _ in range(40):  # 2 s: one time constant
+        end_step(plant, memory, 5.0, DT)
+    assert memory["speed_log"] == pytest.approx(5.0 - 4.0 * math.exp(-1.0), rel=1e-12)
+    assert memory["cursor"] == 40
+
+
+def test_without_lag_the_log_reads_the_speed(plant: Any, memory: Any) -> None:
+    end_step(plant, memory, 5.0, DT)
+    assert (memory["speed_log"], memory["cursor"]) == (5.0, 1)
+
+
+def test_settled_memories_have_seen_nothing_else(plant: Any, memory: Any) -> None:
+    for name in ("engine_dead_time", "torque_sensor_delay"):
+        plant[name] = 3.4 * DT
+    plant["speed_log_lag"], plant["torque_sensor_gain"] = 5.0, 1.1
+    for name in MEMORY.names or ():
+        memory[name] = 7  # whatever it held
+    settle(plant, memory, STATE, OUTPUTS, 22.0, DT)
+    assert (memory["rack"], memory["ventilated"], memory["cursor"]) == (22.0, 0, 0)
+    assert (memory["speed_log"], memory["blade_pitch"]) == (8.0, 1.3)
+    for _ in range(8):
+        assert begin_step(plant, memory, 22.0, DT) == 22.0
+        read_instruments(plant, memory, OUTPUTS, DT)
+        assert memory["shaft_torque"] == pytest.approx(1.1 * 9e4)
+        end_step(plant, memory, 8.0, DT)
+        assert memory["speed_log"] == 8.0
+
+
+@pytest.fixture(scope="module")
+def lively() -> Schedule:
+    return Schedule(lambda t: np.where(t < 5.0, 22.0, 27.5), lambda t: 1.2 + 0.1 * np.sin(0.5 * t))
+
+
+@pytest.mark.parametrize("steps", [1, 10, 60])
+def test_torque_delay_shifts_the_reading(
+    frigate: Ship, design_point: Equilibrium, lively: Schedule, steps: int
+) -> None:
+    ship = frigate.with_values({"sensors.torque_delay_s": DT * steps})
+    s = simulate(ship, lively, 20.0, initial=design_point.state)
+    late, prompt = s["measured_shaft_torque"][steps:], s["shaft_torque"][:-steps]
+    np.testing.assert_allclose(late, prompt, rtol=1e-9)
+    assert np.all(s["measured_shaft_torque"][:steps] == pytest.approx(late[0], rel=0.05))
+
+
+def test_torque_delay_between_samples_interpolates(
+    frigate: Ship, design_point: Equilibrium, lively: Schedule
+) -> None:
+    ship = frigate.with_values({"sensors.torque_delay_s": 0.07})  # 1.4 samples
+    s = simulate(ship, lively, 20.0, initial=design_point.state)
+    torque = s["shaft_torque"]
+    expected = 0.6 * torque[1:-1] + 0.4 * torque[:-2]
+    np.testing.assert_allclose(s["measured_shaft_torque"][2:], expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("steps", [1, 12, 40])
+def test_dead_time_shifts_the_response(
+    frigate: Ship, design_point: Equilibrium, steps: int
+) -> None:
+    ship = frigate.with_values({"prime_mover.dead_time_s": DT * steps})
+    step = Schedule(lambda t: np.where(t < 5.0, 22.0, 27.5), 1.4)
+    prompt, late = (simulate(s, step, 20.0, initial=design_point.state) for s in (frigate, ship))
+    np.testing.assert_allclose(late["shaft_speed"][steps:], prompt["shaft_speed"][:-steps], 1e-9)
+    assert late["shaft_speed"][140] < prompt["shaft_speed"][140]
+
+
+def test_dead_time_between_steps_interpolates(frigate: Ship, design_point: Equilibrium) -> None:
+    ship = frigate.with_values({"prime_mover.dead_time_s": 0.52})
+    step = Schedule(lambda t: np.where(t < 5.0, 22.0, 27.0), 1.4)
+    torque = simulate(ship, step, 10.0, initial=design_point.state)["brake_torque"]
+    share = (torque[110] - torque[109]) / (5.0 * 1428.6)  # 0.48 s after the step's own sample
+    assert share == pytest.approx(0.6, abs=0.01)
+
+
+def test_speed_log_lags_on_a_voyage(frigate: Ship, design_point: Equilibrium) -> None:
+    ship = frigate.with_values({"sensors.speed_log_lag_s": 20.0})
+    s = simulate(ship, Schedule(30.0, 1.4), 200.0, initial=design_point.state)
+    rise = s["ship_speed"] - s["ship_speed"][0]
+    _, expected, _ = lsim(([1.0], [20.0, 1.0]), rise, s["time"])
+    found = s["measured_ship_speed"] - s["ship_speed"][0]
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+    assert np.ptp(rise) > 1.0
+
+
+def test_sound_instruments_read_the_truth_on_a_voyage(
+    frigate: Ship, design_point: Equilibrium, lively: Schedule
+) -> None:
+    s = simulate(frigate, lively, 20.0, initial=design_point.state)
+    for name in ("pitch_ratio", "shaft_torque", "ship_speed"):
+        np.testing.assert_array_equal(s[f"measured_{name}"], s[name])

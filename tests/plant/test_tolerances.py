@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+import pytest
+
+from shaftline.plant.tolerances import Tolerances
+
+STATED = {
+    "resistance": 0.004, "mass": 0.005, "wake_fraction": 0.0015, "thrust_curve": 0.002,
+    "torque_curve": 0.002, "inertia": 0.005, "torque_per_rack": 0.0015, "torque_offset": 0.001,
+    "motor_constant": 0.002, "armature_resistance": 0.0025, "pitch_time_constant": 0.01,
+}  # fmt: skip
+"""One standard deviation of each number where a file says nothing."""
+
+
+def test_a_ship_that_says_nothing_is_known_this_well() -> None:
+    assert Tolerances().model_dump() == STATED
+
+
+@pytest.mark.parametrize("key", STATED)
+def test_a_tolerance_runs_from_exact_to_half(key: str) -> None:
+    for value in (0.0, 0.5):
+        assert getattr(Tolerances(**{key: value}), key) == value
+    for value in (-1e-9, 0.51):
+        with pytest.raises(ValueError, match=key):
+            Tolerances(**{key: value})
