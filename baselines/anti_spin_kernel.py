@@ -125,7 +125,7 @@ def control(
 
     Args:
         controller: CONTROLLER record.
-        memory: ANTI_SPIN_MEMORY record; not started at the first instant.
+        memory: ANTI_SPIN_MEMORY record, all zeros but the reading at the first instant.
         calm_speed: shaft speed of the order in calm water [rad/s].
         thrust: T_pd, of one propeller in calm water [N].
         shaft_speed: omega, measured [rad/s].
@@ -148,9 +148,7 @@ def control(
         # limited before the filter, so that its output and the feed-forward stay smooth
         wanted = min(wanted, max(controller.ventilated_speed * calm_speed, controller.speed_min))
     if memory.started == 0:
-        memory.reference = shaft_speed
-        memory.reference_rate = 0.0
-        memory.error_integral = 0.0
+        memory.reference = shaft_speed  # at rest there
         memory.started = 1
     else:
         away, rate = memory.reference - wanted, memory.reference_rate

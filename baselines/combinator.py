@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from ..plant.ship import Ship
 from .controller import Controller, Readings
 from .governor import RESPONSE_S, Governor
-from .steady_points import SteadyPoint, require_diesel, steady_point
+from .steady_points import SteadyPoint, steady_point
 
 FLOOR_SHARE = 0.5
 """Lowest shaft speed of the curve over the highest; never below the engine's lowest speed."""
@@ -59,7 +59,6 @@ class Curve(NamedTuple):
 
 def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
     """Highest P/D [-] at which the ship in calm water takes a share of the torque at full speed."""
-    require_diesel(ship)
     top = ship.shaft_speeds[1]
     low, high = _driving_pitch(ship), ship.propeller.pitch_ratio_max
 
@@ -88,7 +87,6 @@ def combinator_curve(
         ShipError: the ship has no diesel or cannot move.
         ValueError: shares outside their range.
     """
-    require_diesel(ship)
     if not (0.0 <= floor_share < 1.0 and 0.0 < full_pitch_lever < 1.0):
         raise ValueError(f"shares out of range: {floor_share}, {full_pitch_lever}")
     lowest, highest = ship.shaft_speeds

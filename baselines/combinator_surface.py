@@ -172,7 +172,7 @@ def combinator_surface(ship: Ship, torque_share: float = TORQUE_MARGIN) -> Combi
     return CombinatorSurface(velocities, least_thrust, most_thrust, share, speeds, pitches, refined)
 
 
-class Setting(NamedTuple):
+class OptimalSetting(NamedTuple):
     """What the surface answers; arrays of shape (n,)."""
 
     shaft_speed: NDArray[np.float64]  # [rad/s]
@@ -181,7 +181,7 @@ class Setting(NamedTuple):
     reach: NDArray[np.float64]  # 1 on the surface, falling to 0 for thrusts far below its edge
 
 
-def look_up(table: CombinatorSurface, thrust: Any, advance_velocity: Any) -> Setting:
+def look_up(table: CombinatorSurface, thrust: Any, advance_velocity: Any) -> OptimalSetting:
     """Optimal setting by bilinear interpolation.
 
     Args:
@@ -208,4 +208,4 @@ def look_up(table: CombinatorSurface, thrust: Any, advance_velocity: Any) -> Set
 
     reach = np.clip((np.asarray(thrust) / least - _NO_REACH) / (1.0 - _NO_REACH), 0.0, 1.0)
     aim = np.minimum(thrust, most)
-    return Setting(blend(table.shaft_speed), blend(table.pitch_ratio), aim, reach)
+    return OptimalSetting(blend(table.shaft_speed), blend(table.pitch_ratio), aim, reach)

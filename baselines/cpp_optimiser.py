@@ -22,7 +22,7 @@ from ..plant.hull import resistance
 from ..plant.open_water import MIN_REVOLUTIONS, REVOLUTIONS_PER_RADIAN
 from ..plant.ship import Ship
 from .combinator import Combinator
-from .combinator_surface import Setting, combinator_surface, look_up
+from .combinator_surface import OptimalSetting, combinator_surface, look_up
 from .controller import Controller, Readings
 from .governor import RESPONSE_S
 from .open_water_fit import fit_open_water, surface
@@ -153,7 +153,7 @@ class CppOptimiser(Controller):
         return pitch, rack
 
     def _trimmed(
-        self, memory: NDArray[np.float64], setting: Setting, valid: NDArray[np.bool_]
+        self, memory: NDArray[np.float64], setting: OptimalSetting, valid: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         """Integral thrust controller: as T goes with omega^2, d omega / d T = omega / (2 T).
 

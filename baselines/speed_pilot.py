@@ -28,7 +28,7 @@ from ..plant.ship import Ship
 from .combinator import combinator_curve
 from .controller import Controller, Readings
 from .governor import highest_rack
-from .steady_points import require_diesel, steady_point
+from .steady_points import steady_point
 
 ERROR_S, MEAN_S = 2.0, 8.0
 """Time constants of the slowed speed error and of the means [s]: within a wave, and as long as one."""
@@ -38,7 +38,7 @@ _LIMITER_GAIN = 0.8  # as the shaft gain, beyond the shaft speeds allowed
 _LIMITER_POINTS = 101
 
 
-class Settings(NamedTuple):
+class PilotSettings(NamedTuple):
     """What may be set, one number for all ships of a batch or shape (n,) each.
 
     Gains are shares of what the ship has, so that they mean the same on any.
@@ -67,7 +67,7 @@ class SpeedPilot(Controller):
         ship: a ship with a diesel, or its name.
         interval_s: control interval of the environment [s].
         speed_gain: k_v over the mean slope of the curve's rack over ship speed [-].
-        settings: fields of :class:`Settings`.
+        settings: fields of :class:`PilotSettings`.
 
     State: :class:`Slowed` by columns, shape (n, 4).
 
@@ -87,8 +87,7 @@ class SpeedPilot(Controller):
         **settings: float,
     ) -> None:
         super().__init__(ship, interval_s)
-        require_diesel(self.ship)
-        self.settings = Settings(**settings)
+        self.settings = PilotSettings(**settings)
         curve = combinator_curve(self.ship)
         self._speeds, self._pitch = curve.ship_speed, curve.pitch_ratio
         points = [
@@ -125,7 +124,12 @@ class SpeedPilot(Controller):
         self._pitch_unit = pitches / torque  # [1/(N m)]
 
     def command(
-        self, order: Any, shaft_speed: Any, shaft_torque: Any, slowed: Slowed, settings: Settings
+        self,
+        order: Any,
+        shaft_speed: Any,
+        shaft_torque: Any,
+        slowed: Slowed,
+        settings: PilotSettings,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Pitch [-], rack [mm] and new integral [mm], each of shape (n,); arguments stay untouched.
 

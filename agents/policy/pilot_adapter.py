@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...baselines.actions import actions
 from ...baselines.controller import Readings, readings, resumed
-from ...baselines.speed_pilot import ERROR_S, MEAN_S, Settings, Slowed, SpeedPilot
+from ...baselines.speed_pilot import ERROR_S, MEAN_S, PilotSettings, Slowed, SpeedPilot
 from ...plant import Ship
 
 SIGNALS = ("speed_error", "shaft_speed", "shaft_torque", "advance_velocity")
@@ -26,7 +26,7 @@ SIGNALS = ("speed_error", "shaft_speed", "shaft_torque", "advance_velocity")
 SLOW_S = (ERROR_S, MEAN_S)
 """Time constants [s]. Slower ones lag so far behind the ship that policies which lean on them swing."""
 
-ANSWERS = Settings._fields
+ANSWERS = PilotSettings._fields
 """What a policy answers, in order: settings of the pilot."""
 
 FEATURES = (
@@ -164,7 +164,7 @@ class PilotAdapter:
         said = np.clip(np.asarray(answer, dtype=np.float64), -1.0, 1.0)
         followed = self._slow * memory[:, _ANSWERS] + (1.0 - self._slow) * said
         memory[:, _ANSWERS] = followed
-        settings = Settings(*(self.reach.middles + self.reach.spans * followed).T)
+        settings = PilotSettings(*(self.reach.middles + self.reach.spans * followed).T)
         order, shaft_speed, torque = (
             features[:, FEATURES.index(name)].astype(np.float64)
             for name in ("speed_order", "shaft_speed", "shaft_torque")

@@ -125,9 +125,10 @@ def test_engines_that_do_not_step_make_no_jump(frigate: Ship) -> None:
 def instant(controller: AntiSpin, memory: Any, *, calm: float, thrust: float, speed: float,
             torque: float, pitch: float, ship: float, rack: float) -> float:  # fmt: skip
     """Rack of one ship at one instant; the memory changes."""
-    given = (np.array([x]) for x in (calm, thrust, speed, torque, pitch, ship, rack))
     out = np.zeros(1)
-    control_fleet(controller.settings, memory, *given, out)  # type: ignore[call-arg]
+    given = [np.array([x]) for x in (calm, thrust, speed, torque, pitch, ship, rack)]
+    arguments: list[Any] = [controller.settings, memory, *given, out]
+    control_fleet(*arguments)
     return float(out[0])
 
 
@@ -222,6 +223,13 @@ def test_integral_moves_away_from_a_limit_only(controller: AntiSpin) -> None:
     # far too slow: the engine gives all it has, and the integral waits
     rack, moved, e2 = wound(controller, 14.0, 8.0, 1e5, 0.0)
     assert rack_torque(plant, 7.38 * 8.0, rack) == pytest.approx(torque_limit(plant, 7.38 * 8.0))
+    assert e2 < 0.0
+    assert moved == 0.0
+    # so it does at the rack's end stop, inside the envelope
+    short = AntiSpin(ROUGH.with_values({"prime_mover.rack_max_mm": 14.0}))
+    rack, moved, e2 = wound(short, 11.0, 10.0, 1e5, 0.0)
+    assert rack == 14.0
+    assert rack_torque(plant, 73.8, rack) < 0.9 * torque_limit(plant, 73.8)
     assert e2 < 0.0
     assert moved == 0.0
     # far too fast: no fuel, and it waits

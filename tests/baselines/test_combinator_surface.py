@@ -68,6 +68,15 @@ def test_the_whole_engine_may_be_allowed() -> None:
     assert whole.most_thrust[rows // 2] > 1.005 * kept.most_thrust[rows // 2]
 
 
+def test_settings_stay_within_engine_and_blades() -> None:
+    """A slower engine, so that its highest speed is the limit."""
+    slow = SHIPS[1].with_values({"prime_mover.speed_max_rpm": 1200.0})
+    table, (low, top) = combinator_surface(slow), slow.shaft_speeds
+    assert table.shaft_speed.max() == pytest.approx(top, rel=1e-9)
+    assert table.shaft_speed.min() >= low * (1.0 - 1e-9)
+    assert 0.4 - 1e-9 <= table.pitch_ratio.min() < table.pitch_ratio.max() <= 1.2 + 1e-9
+
+
 def test_ships_without_a_choice_are_refused() -> None:
     with pytest.raises(ShipError, match="diesel"):
         combinator_surface(load_ship("rov-thruster"))

@@ -47,7 +47,7 @@ def test_readings_have_their_names() -> None:
     seen = readings([ROW, ROW])
     assert [column.tolist() for column in seen] == [[x, x] for x in ROW]
     assert all(column.shape == (1,) for column in readings(np.array(ROW, np.float32)))
-    assert readings(ROW).shaft_torque.dtype == np.float64
+    assert readings(np.array(ROW, np.float32)).shaft_torque.dtype == np.float64
 
 
 def test_a_ship_may_be_given_by_name(frigate: Ship) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shaftline.baselines.combinator import Combinator
-from shaftline.baselines.combinator_surface import Setting, look_up
+from shaftline.baselines.combinator_surface import OptimalSetting, look_up
 from shaftline.baselines.controller import readings
 from shaftline.baselines.cpp_optimiser import ADVANCE, INTEGRAL, THRUST, TRIM, TRUST, CppOptimiser
 from shaftline.plant import Ship, load_ship
@@ -156,7 +156,7 @@ def test_trust_comes_and_goes_within_five_seconds() -> None:
         assert optimiser.predict(changed(valid=valid))[1][0, TRUST] == pytest.approx(trusted)
 
 
-def looked_up(optimiser: CppOptimiser, order: float, advance: float) -> Setting:
+def looked_up(optimiser: CppOptimiser, order: float, advance: float) -> OptimalSetting:
     return look_up(optimiser.surface, optimiser.ordered_thrust(order), np.array([advance]))
 
 

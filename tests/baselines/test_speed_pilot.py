@@ -8,7 +8,7 @@ import pytest
 
 from shaftline.baselines.combinator import Combinator, combinator_curve
 from shaftline.baselines.governor import highest_rack
-from shaftline.baselines.speed_pilot import Settings, Slowed, SpeedPilot
+from shaftline.baselines.speed_pilot import PilotSettings, Slowed, SpeedPilot
 from shaftline.baselines.steady_points import steady_point
 from shaftline.envs import FrigateVectorEnv
 from shaftline.plant import Ship, ShipError, load_ship
@@ -153,9 +153,9 @@ def test_what_gains_of_one_come_to(ship: Ship) -> None:
     pitches = screw.pitch_ratio_max - screw.pitch_ratio_min
     rested = Slowed(*(np.array([x]) for x in (0.0, 10.0, 1e3, 0.0)))
     order = np.array([0.7 * top_speed(ship)])
-    nothing = Settings(0.0, 0.0, 0.0, 0.0, 0.0)
+    nothing = PilotSettings(0.0, 0.0, 0.0, 0.0, 0.0)
 
-    def command(settings: Settings, shaft_speed: float, torque: float) -> Any:
+    def command(settings: PilotSettings, shaft_speed: float, torque: float) -> Any:
         low, high = ship.shaft_speeds
         middle = 0.5 * (low + high)
         slowed = rested._replace(shaft_speed=np.array([middle]))
@@ -187,7 +187,7 @@ def test_calm_commands_are_the_curves(ship: Ship) -> None:
     for order in (curve.ship_speed[7], 0.3 * curve.ship_speed[20] + 0.7 * curve.ship_speed[21]):
         slowed = Slowed(*(np.array([x]) for x in (0.1, middle, 1e3, 0.5)))
         now = np.array([middle]), np.array([1e3])
-        pitch, rack, integral = pilot.command(np.array([order]), *now, slowed, Settings())
+        pitch, rack, integral = pilot.command(np.array([order]), *now, slowed, PilotSettings())
         assert pitch[0] == pytest.approx(np.interp(order, curve.ship_speed, curve.pitch_ratio))
         slope = (racks[-1] - racks[0]) / (curve.ship_speed[-1] - curve.ship_speed[0])
         calm = np.interp(order, curve.ship_speed, racks)
@@ -198,7 +198,7 @@ def test_calm_commands_are_the_curves(ship: Ship) -> None:
     # an order beyond the curve is its end, an offset counts into the error
     for order, offset, aim in ((99.0, 0.0, -1), (-3.0, 0.0, 0), (curve.ship_speed[-1], -0.1, None)):
         slowed = Slowed(*(np.array([x]) for x in (0.0, middle, 1e3, 0.0)))
-        settings = Settings(speed_offset=offset)
+        settings = PilotSettings(speed_offset=offset)
         pitch, _, integral = pilot.command(np.array([order]), *now, slowed, settings)
         if aim is not None:
             assert pitch[0] == curve.pitch_ratio[aim]
@@ -214,7 +214,7 @@ def test_integral_moves_while_the_error_is_below_half_a_metre_a_second(
     pilot = SpeedPilot("frigate")
     slowed = Slowed(*(np.array([x]) for x in (error, 10.0, 1e5, 0.0)))
     *_, integral = pilot.command(
-        np.array([8.0]), np.array([10.0]), np.array([1e5]), slowed, Settings()
+        np.array([8.0]), np.array([10.0]), np.array([1e5]), slowed, PilotSettings()
     )
     assert (integral[0] != 0.0) == moves
 
@@ -232,7 +232,7 @@ def test_racks_end_at_the_envelope_and_at_the_engines_speeds(ship: Ship) -> None
         for integral in (-1e3, 1e3):
             slowed = Slowed(*(np.array([x]) for x in (0.0, shaft_speed, 1e3, integral)))
             now = np.array([shaft_speed]), np.array([1e3])
-            ends.append(float(pilot.command(np.array([4.0]), *now, slowed, Settings())[1][0]))
+            ends.append(float(pilot.command(np.array([4.0]), *now, slowed, PilotSettings())[1][0]))
         return ends[0], ends[1]
 
     grid = np.linspace(0.5 * low, 1.2 * high, 101)  # exact at its points
@@ -266,7 +266,7 @@ def test_predict_commands_what_its_settings_say() -> None:
     action, after = pilot.predict(ROWS, memory)
     slowed = Slowed(*np.column_stack([after[:, :3], memory[:, 3]]).T)
     pitch, rack, integral = pilot.command(
-        ROWS[:, 0], ROWS[:, 1], ROWS[:, 2], slowed, Settings(0.1, -0.05, 0.4)
+        ROWS[:, 0], ROWS[:, 1], ROWS[:, 2], slowed, PilotSettings(0.1, -0.05, 0.4)
     )
     assert action[:, 0] == pytest.approx((pitch - 0.6) / 0.4 - 1.0, abs=1e-6)
     assert action[:, 1] == pytest.approx(rack / 20.0 - 1.0, abs=1e-6)
