@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from ..plant.signals import get_signal
-from .anti_spin_kernel import ANTI_SPIN_MEMORY, CONTROLLER, control_fleet
+from .anti_spin_kernel import ANTI_SPIN_MEMORY, CONTROLLER, control_all
 from .combinator import combinator_curve
 from .controller import OBSERVED, Controller, Readings
 from .torque_loss import TorqueLossObserver
@@ -171,7 +171,7 @@ class AntiSpin(Controller):
         now = Readings(*memory["reading"].T)
         wanted = self.curve.at(now.speed_order)
         rack = np.empty(len(table))
-        control_fleet(
+        control_all(
             self.settings,
             memory,
             wanted.shaft_speed,

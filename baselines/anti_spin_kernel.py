@@ -183,7 +183,7 @@ def control(
 
 
 @compiled
-def control_fleet(
+def control_all(
     controller: Record,
     memories: Any,
     calm_speed: Any,

@@ -216,6 +216,6 @@ def update_torque_loss(
 def update_torque_losses(
     observer: Record, estimates: Any, shaft_speed: Any, shaft_torque: Any, pitch_ratio: Any
 ) -> None:
-    """The same for a fleet: estimates of shape (n,), readings of shape (n,) each."""
+    """The same for n ships: estimates of shape (n,), readings of shape (n,) each."""
     for i in range(len(estimates)):
         update_torque_loss(observer, estimates[i], shaft_speed[i], shaft_torque[i], pitch_ratio[i])

@@ -17,7 +17,7 @@ MAX_TERMS, MAX_OPERATIONS, MAX_CONSTANTS, MAX_DEPTH = 6, 64, 24, 12
 
 
 class Heard(NamedTuple):
-    """Signals at one instant, in the order of :data:`shaftline.plant.terms.SIGNALS`."""
+    """Signals at one instant, in the order of :data:`shaftline.plant.terms.TERM_SIGNALS`."""
 
     shaft_speed: Real
     ship_speed: Real

@@ -6,8 +6,8 @@
     expression = "-c_ahead * step(shaft_speed) + c_astern * step(-shaft_speed)"
     parameters = { c_ahead = 1200.0, c_astern = 900.0 }
 
-An expression is numbers, the term's parameters and :data:`SIGNALS`, joined by ``+ - * / **`` and the
-functions of :data:`FUNCTIONS`. It is parsed, never run: what the kernels see is a list of operations
+An expression is numbers, the term's parameters and :data:`TERM_SIGNALS`, joined by ``+ - * / **``
+and the functions of :data:`FUNCTIONS`. It is parsed, never run: what the kernels see is a list of operations
 on a stack, carried in the ship's record. Complex numbers pass, so linear models know the terms too.
 """
 
@@ -59,7 +59,7 @@ PLACES = {
 }
 """Where a term may act, and what it adds to."""
 
-SIGNALS = {
+TERM_SIGNALS = {
     "shaft_speed": "omega [rad/s]",
     "ship_speed": "v_s over ground [m/s]",
     "pitch_ratio": "P/D of the blades [-]",
@@ -110,7 +110,7 @@ def parsed(expression: str, parameters: Mapping[str, float]) -> Program:
     operations: list[tuple[int, int]] = []
     constants = [float(value) for value in parameters.values()]
     names = {name: (CONSTANT, i) for i, name in enumerate(parameters)}
-    names |= {name: (SIGNAL, i) for i, name in enumerate(SIGNALS) if name not in names}
+    names |= {name: (SIGNAL, i) for i, name in enumerate(TERM_SIGNALS) if name not in names}
     deepest = _walk(tree, names, operations, constants, expression)
     for what, found, most in (
         ("operations", len(operations), MAX_OPERATIONS),
@@ -203,7 +203,7 @@ class Term(Section):
     @model_validator(mode="after")
     def _usable(self) -> Term:
         for name in self.parameters:
-            if not name.isidentifier() or name in SIGNALS or name in FUNCTIONS:
+            if not name.isidentifier() or name in TERM_SIGNALS or name in FUNCTIONS:
                 raise ValueError(f"parameter {name!r}: a name of its own is needed")
         _ = self.program  # raises what is wrong with it
         return self

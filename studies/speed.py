@@ -46,7 +46,7 @@ def best_rate(work: Callable[[], object], count: int, repeats: int = REPEATS) ->
     return count / min(times)
 
 
-class Fleet:
+class Benchmark:
     """A batch of frigates at the load cases' working point."""
 
     def __init__(self, ships: int, sea: str | None, observer: str | None = None) -> None:
@@ -148,9 +148,9 @@ def measure() -> list[tuple[str, float]]:
         ("waves and an extended Kalman filter", "thesis", "random-walk-kalman"),
     ):
         for size, kind in ((BATCH, f"batch of {BATCH}"), (1, "one ship")):
-            fleet = Fleet(size, sea, observer)
-            rows.append((f"plant, {label}, {kind}", best_rate(fleet.run, size * STEPS)))
-    alone = Fleet(1, None)
+            benchmark = Benchmark(size, sea, observer)
+            rows.append((f"plant, {label}, {kind}", best_rate(benchmark.run, size * STEPS)))
+    alone = Benchmark(1, None)
     rows.append(("plant, calm water, one step a call", best_rate(lambda: alone.run(1), 1, 2000)))
     rows.append(("solve_ivp on the same equations, calm water", _solve_ivp_rate(None)))
     rows.append(("solve_ivp on the same equations, waves", _solve_ivp_rate("thesis")))

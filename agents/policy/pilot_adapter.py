@@ -20,7 +20,7 @@ from ...baselines.controller import Readings, readings, resumed
 from ...baselines.speed_pilot import ERROR_S, MEAN_S, PilotSettings, Slowed, SpeedPilot
 from ...plant import Ship
 
-SIGNALS = ("speed_error", "shaft_speed", "shaft_torque", "advance_velocity")
+SLOWED_SIGNALS = ("speed_error", "shaft_speed", "shaft_torque", "advance_velocity")
 """Readings that are also shown slowed down."""
 
 SLOW_S = (ERROR_S, MEAN_S)
@@ -32,18 +32,18 @@ ANSWERS = PilotSettings._fields
 FEATURES = (
     "speed_order", "speed_error", "shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack",
     "advance_velocity", "estimate_valid",
-    *(f"{signal} over {tau:g} s" for tau in SLOW_S for signal in SIGNALS),
+    *(f"{signal} over {tau:g} s" for tau in SLOW_S for signal in SLOWED_SIGNALS),
     "integral",
     *ANSWERS,
 )  # fmt: skip
 """What a policy sees, in order: readings in their units, slowed readings, the pilot's integral [mm], its
 own followed answers."""
 
-_COUNT = len(SIGNALS) * len(SLOW_S)
+_COUNT = len(SLOWED_SIGNALS) * len(SLOW_S)
 _INTEGRAL = _COUNT
 _ANSWERS = slice(_COUNT + 1, None)
-_MEAN_SPEED = len(SIGNALS) + SIGNALS.index("shaft_speed")
-_MEAN_TORQUE = len(SIGNALS) + SIGNALS.index("shaft_torque")
+_MEAN_SPEED = len(SLOWED_SIGNALS) + SLOWED_SIGNALS.index("shaft_speed")
+_MEAN_TORQUE = len(SLOWED_SIGNALS) + SLOWED_SIGNALS.index("shaft_torque")
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class PilotAdapter:
         self.ship = ship
         self.interval_s = interval_s
         self.reach = reach or Reach()
-        self._keep = np.exp(-interval_s / np.repeat(SLOW_S, len(SIGNALS)))
+        self._keep = np.exp(-interval_s / np.repeat(SLOW_S, len(SLOWED_SIGNALS)))
         self._slow = float(np.exp(-interval_s / self.reach.slow_s))
         self._pilot = SpeedPilot(ship, interval_s, self.reach.speed_gain)
 
@@ -170,7 +170,7 @@ class PilotAdapter:
             for name in ("speed_order", "shaft_speed", "shaft_torque")
         )
         slowed = Slowed(
-            memory[:, SIGNALS.index("speed_error")],
+            memory[:, SLOWED_SIGNALS.index("speed_error")],
             memory[:, _MEAN_SPEED],
             memory[:, _MEAN_TORQUE],
             memory[:, _INTEGRAL],
@@ -181,7 +181,7 @@ class PilotAdapter:
 
 
 def _heard(seen: Readings) -> NDArray[np.float64]:
-    """The :data:`SIGNALS` as they are now, shape (n, 4)."""
+    """The :data:`SLOWED_SIGNALS` as they are now, shape (n, 4)."""
     error = seen.speed_order - seen.ship_speed
     estimate = np.where(seen.estimate_valid > 0.5, seen.advance_velocity, 0.0)
     return np.column_stack([error, seen.shaft_speed, seen.shaft_torque, estimate])

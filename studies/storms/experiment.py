@@ -40,7 +40,7 @@ READING = np.dtype([(name, np.float64) for name in OBSERVED])
 
 
 class Storm(NamedTuple):
-    """A fleet's run: columns of shape (n, intervals)."""
+    """A run of n ships: columns of shape (n, intervals)."""
 
     thrust: NDArray[np.float64]  # mean of the interval [N]
     thrust_power: NDArray[np.float64]  # mean of T v_a [W]

@@ -148,7 +148,7 @@ def figure(traces: dict[str, Storm], dt: float, ship: int = 0) -> Figure:
     Args:
         traces: storms by controller, the same seeds.
         dt: the plant's time step [s].
-        ship: which of the fleet.
+        ship: which of the ships.
     """
     drawn, axes = new_figure(4, 1, (9.5, 8.5))
     interval = INTERVAL_STEPS * dt

@@ -159,7 +159,7 @@ def measured(tick: Callable[[], None] = lambda: None, seeds: range = SEEDS) -> R
     """Sail all storms and plain seas.
 
     Args:
-        tick: called after each fleet's voyage, :data:`TICKS` times.
+        tick: called after each voyage, :data:`TICKS` times.
         seeds: of the seas.
     """
     over_seeds = Bootstrap(len(seeds))

@@ -11,7 +11,7 @@ import pytest
 from shaftline.baselines.anti_spin import AntiSpin
 from shaftline.baselines.anti_spin_kernel import (
     ANTI_SPIN_MEMORY,
-    control_fleet,
+    control_all,
     desired_speed,
     gauge_jump,
     thrust_per_torque,
@@ -128,7 +128,7 @@ def instant(controller: AntiSpin, memory: Any, *, calm: float, thrust: float, sp
     out = np.zeros(1)
     given = [np.array([x]) for x in (calm, thrust, speed, torque, pitch, ship, rack)]
     arguments: list[Any] = [controller.settings, memory, *given, out]
-    control_fleet(*arguments)
+    control_all(*arguments)
     return float(out[0])
 
 

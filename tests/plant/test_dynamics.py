@@ -14,7 +14,7 @@ from shaftline.plant.dynamics import evaluate, loads, settled
 from shaftline.plant.open_water import PITCH_POWERS, b_series
 from shaftline.plant.propeller import propeller_load
 from shaftline.plant.state import LAGS, Inputs, State
-from shaftline.plant.terms import SIGNALS
+from shaftline.plant.terms import TERM_SIGNALS
 
 GEAR, EFFICIENCY = 7.38, 0.95
 LEFT, RIGHT, MASS = 53697.0, 14411.0, 3.3e6
@@ -131,7 +131,7 @@ def test_prompt_inflow_is_met_at_once(busy: Any) -> None:
 )
 def test_a_term_adds_to_its_place(frigate: Ship, acts_on: str, name: str, factor: float) -> None:
     """All that it hears, weighed so that each counts."""
-    weighed = zip((3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0), SIGNALS, strict=True)
+    weighed = zip((3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0), TERM_SIGNALS, strict=True)
     expression = "1e-3 * (" + " + ".join(f"{w} * {signal}" for w, signal in weighed) + ")"
     term = {"id": "one", "acts_on": acts_on, "expression": expression}
     ship = frigate.with_values({"term": [term]})

@@ -21,7 +21,7 @@ from shaftline.plant import (
     write_ship,
 )
 from shaftline.plant.term_kernel import MAX_DEPTH, MAX_TERMS, Added, Heard, added
-from shaftline.plant.terms import FUNCTIONS, PLACES, SIGNALS, Term, TermError, add_term, parsed
+from shaftline.plant.terms import FUNCTIONS, PLACES, TERM_SIGNALS, Term, TermError, add_term, parsed
 
 HEARD = Heard(11.0, 8.0, 1.2, 1.3, 22.0, 6.5, 4.0, 30.0)
 
@@ -235,9 +235,9 @@ def test_a_file_with_terms_reads_back(frigate: Ship, tmp_path: Path) -> None:
 
 
 def test_every_signal_and_function_is_reached(frigate: Ship) -> None:
-    assert Heard._fields == tuple(SIGNALS)
+    assert Heard._fields == tuple(TERM_SIGNALS)
     assert Added._fields == tuple(PLACES)
-    for i, name in enumerate(SIGNALS):
+    for i, name in enumerate(TERM_SIGNALS):
         assert value(frigate, name) == HEARD[i]
     assert len({code for code, _ in FUNCTIONS.values()}) == len(FUNCTIONS)
 

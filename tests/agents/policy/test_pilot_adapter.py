@@ -10,8 +10,8 @@ import pytest
 from shaftline.agents.policy.pilot_adapter import (
     ANSWERS,
     FEATURES,
-    SIGNALS,
     SLOW_S,
+    SLOWED_SIGNALS,
     PilotAdapter,
     Reach,
 )
@@ -60,7 +60,9 @@ def test_features_by_hand(adapter: PilotAdapter, observed: Any) -> None:
         assert pytest.approx(np.asarray(expected, np.float32), rel=1e-6) == features.T
         assert features.dtype == np.float32
         assert memory == pytest.approx(np.stack(expected[8:], axis=1))
-    assert FEATURES[8:16] == tuple(f"{name} over {tau} s" for tau in (2, 8) for name in SIGNALS)
+    assert FEATURES[8:16] == tuple(
+        f"{name} over {tau} s" for tau in (2, 8) for name in SLOWED_SIGNALS
+    )
     assert FEATURES[16:] == ("integral", *ANSWERS)
 
 

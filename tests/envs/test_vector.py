@@ -1,0 +1,134 @@
+"""The vector form: infos, options, seeds, and what is handed out."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.wrappers import RecordEpisodeStatistics, RecordVideo
+
+import shaftline.envs
+from shaftline.envs import TERMS, FrigateEnv, FrigateVectorEnv
+from shaftline.envs.records import TRUTHS
+
+NAME = "shaftline.envs:shaftline/Frigate-v0"
+
+from .plans import SHORT, actions
+
+
+def test_infos_of_the_vector_form_are_columns() -> None:
+    vector, singles = FrigateVectorEnv(3, **SHORT), [FrigateEnv(**SHORT) for _ in range(3)]
+    vector.reset(seed=7)
+    for i, env in enumerate(singles):
+        env.reset(seed=7 + i)
+    for plan in actions(3, 3):
+        info = vector.step(plan)[4]
+        alone = [env.step(one)[4] for env, one in zip(singles, plan, strict=True)]
+        assert set(info) == {*TRUTHS, "reward_terms"}
+        for name in TRUTHS:
+            assert info[name].tolist() == [one[name] for one in alone]
+        for term in TERMS:
+            assert info["reward_terms"][term].tolist() == [o["reward_terms"][term] for o in alone]
+
+
+def test_the_vector_form_says_which_ended_how_and_what_was_last_seen() -> None:
+    limit = 1000.0 * math.pi / 30.0 / 7.38
+    env = FrigateVectorEnv(4, control_interval_s=0.05, episode_s=0.2, sea="calm")
+    env.reset(seed=1)
+    for _ in range(3):
+        info = env.step(np.zeros((4, 2)))[4]
+        assert not {"ended", "final_info", "final_obs"} & set(info)
+    env.batch.elapsed[3] = 0  # the other three are at their last interval
+    env.batch.arrays.states["shaft_speed"][:2] = 0.2, 1.3 * limit
+    seen, reward, terminated, truncated, info = env.step(np.zeros((4, 2)))
+    assert terminated.tolist() == [True, True, False, False]
+    assert truncated.tolist() == [True, True, True, False]
+    assert info["ended"].tolist() == ["stalled", "overspeed trip", None, None]
+    assert info["_ended"].tolist() == terminated.tolist()
+    assert info["_final_obs"].tolist() == info["_final_info"].tolist() == [True, True, True, False]
+    last = info["final_info"]
+    for name in (*TRUTHS, "ended", "_ended"):
+        assert np.array_equal(last[name], info[name]), name
+    assert last["reward_terms"]["failure"].tolist() == [1.0, 1.0, 0.0, 0.0]
+    assert (reward[:2] < -500.0).all()
+    for i in range(3):
+        assert info["final_obs"][i][1] == pytest.approx(info["shaft_speed"][i], abs=0.1)
+        assert not np.array_equal(info["final_obs"][i], seen[i])
+    assert info["final_obs"][3] is None
+    assert env.batch.elapsed.tolist() == [0, 0, 0, 1]
+    assert seen[0, 1] > 5.0  # another episode has begun
+    # what was handed out stays as it was
+    kept = last["shaft_speed"].copy()
+    env.step(np.zeros((4, 2)))
+    assert np.array_equal(last["shaft_speed"], kept)
+
+
+def test_options_hold_until_the_next_reset() -> None:
+    vector = FrigateVectorEnv(2, episode_s=1.0, task="transit")
+    vector.reset(seed=0, options={"speed_order_m_s": 6.0, "sea": "calm"})
+    for _ in range(3):
+        seen = vector.step(np.zeros((2, 2)))[0]
+    assert seen[:, 0].tolist() == [6.0, 6.0]
+    assert not vector.batch.arrays.seas["present"].any()
+    seen, _ = vector.reset()
+    assert (seen[:, 0] >= 7.0).all()
+    assert vector.batch.arrays.seas["present"].all()
+
+
+def test_one_seed_for_each_environment() -> None:
+    vector = FrigateVectorEnv(3, **SHORT)
+    seen, _ = vector.reset(seed=[9, 4, 9])
+    assert np.array_equal(seen[0], seen[2])
+    assert np.array_equal(seen[1], FrigateEnv(**SHORT).reset(seed=4)[0])
+    following, _ = vector.reset()  # without a seed the streams go on
+    assert np.array_equal(following[0], following[2])
+    assert not np.array_equal(following[0], seen[0])
+    with pytest.raises(ValueError, match="2 seeds are given for 3 environments"):
+        vector.reset(seed=[1, 2])
+
+
+def test_what_is_handed_out_is_not_changed_later() -> None:
+    env, vector = FrigateEnv(**SHORT), FrigateVectorEnv(2, **SHORT)
+    for one, action in ((env, np.zeros(2)), (vector, np.zeros((2, 2)))):
+        first, _ = one.reset(seed=0)  # type: ignore[attr-defined]
+        kept = first.copy()
+        second, reward, *_ = one.step(action)  # type: ignore[attr-defined]
+        held = second.copy(), np.copy(reward)
+        one.step(action)  # type: ignore[attr-defined]
+        assert np.array_equal(first, kept)
+        assert np.array_equal(second, held[0])
+        assert np.array_equal(reward, held[1])
+
+
+def test_a_picture_is_drawn_where_it_is_asked_for() -> None:
+    env = FrigateEnv(render_mode="rgb_array", **SHORT)
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    assert env.render().shape == (480, 800, 3)
+    assert FrigateEnv(**SHORT).render() is None
+
+
+def test_importing_registers_once() -> None:
+    assert "shaftline/Frigate-v0" in gymnasium.registry
+    with pytest.raises(AttributeError, match=r"'shaftline\.envs' has no attribute 'Ketch'"):
+        shaftline.envs.Ketch  # noqa: B018
+    assert shaftline.envs.FrigateEnv is FrigateEnv
+    assert RecordEpisodeStatistics(gymnasium.make(NAME)).reset(seed=0)
+
+
+def test_a_video_can_be_recorded(tmp_path: Path) -> None:
+    env: Any = RecordVideo(
+        FrigateEnv(render_mode="rgb_array", episode_s=2.0),
+        str(tmp_path / "videos"),
+        disable_logger=True,
+    )
+    env.reset(seed=0)
+    for action in actions(4):
+        env.step(action[0])
+    env.close()
+    (video,) = (tmp_path / "videos").glob("*.mp4")
+    assert video.stat().st_size > 1000
