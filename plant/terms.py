@@ -7,8 +7,9 @@
     parameters = { c_ahead = 1200.0, c_astern = 900.0 }
 
 An expression is numbers, the term's parameters and :data:`TERM_SIGNALS`, joined by ``+ - * / **``
-and the functions of :data:`FUNCTIONS`. It is parsed, never run: what the kernels see is a list of operations
-on a stack, carried in the ship's record. Complex numbers pass, so linear models know the terms too.
+and the functions of :data:`FUNCTIONS`. It is parsed, never run: what the kernels see is a list of
+operations on a stack, carried in the ship's record. Complex numbers pass, so linear models know the
+terms too.
 """
 
 from __future__ import annotations

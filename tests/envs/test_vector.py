@@ -15,9 +15,9 @@ import shaftline.envs
 from shaftline.envs import TERMS, FrigateEnv, FrigateVectorEnv
 from shaftline.envs.records import TRUTHS
 
-NAME = "shaftline.envs:shaftline/Frigate-v0"
-
 from .plans import SHORT, actions
+
+NAME = "shaftline.envs:shaftline/Frigate-v0"
 
 
 def test_infos_of_the_vector_form_are_columns() -> None:
