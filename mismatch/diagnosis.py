@@ -2,106 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..core.files import write_json, write_text
-from ..plant.ship import Ship
 from ..plant.ship_files import write_ship
-from .judge.findings import Detectable, Finding
-from .judge.shapes import Shape
-from .judge.whiteness import Colour
-from .search.placed import Window
-from .search.selection import Candidate
+from .outcome import Outcome
+from .report.data import as_dict
+from .report.sentences import sentence
+from .report.text import summary
 
 REPORT, PAGE, SHIP = "report.json", "report.html", "corrected_ship.toml"
 """Names of the files of a diagnosis."""
 
 
-@dataclass(frozen=True, repr=False)
-class Diagnosis:
+class Diagnosis(Outcome):
     """Where recordings and the simulation differ, what physics is missing, and the proof.
 
-    Args:
-        verdict: ``explained``, ``nothing-missing`` or ``unexplained``.
-        ship: nominal.
-        corrected: with the effects, or the shape, that were found.
-        time_s: shape (rows,).
-        held_out: windows set aside [s].
-        drive: demand on the prime mover [mm | V | N m], shape (rows,).
-        measured: channels by column, each of shape (rows,); likewise the next two.
-        before: nominal open-loop simulation.
-        after: corrected open-loop simulation.
-        balances: names of the balances, and their units.
-        residual_before: what each balance lacks, shape (balances, rows).
-        residual_after: likewise with the corrected ship.
-        findings: effects, in the order of discovery.
-        shape: the missing quantity without a name, where the verdict is ``unexplained``; then the
-            windows and the regime in which it acts.
-        shape_windows: in which it acts [s].
-        shape_regime: in words.
-        explained: share of the residual's power beyond the instruments' noise that the effects explain.
-        left_over: where what they leave is more than noise; None where it is noise.
-        ranking: the catalogue, best first, and each entry's threshold.
-        detectable: smallest effects that the recording would have shown.
-        fit_before: FitPercent by column on the held-out part, without those that are constant there.
-        fit_after: likewise, of the corrected ship.
-        held_out_gain: of the corrected ship in 2 log L, on the held-out part alone.
-        excited: whether the demands move enough to tell effects apart.
-        limits: why the recording may not decide.
-        warnings: what was noticed about the recording.
+    Its fields are those of an :class:`~shaftline.mismatch.outcome.Outcome`.
     """
-
-    verdict: str
-    ship: Ship
-    corrected: Ship
-    time_s: NDArray[np.float64]
-    held_out: list[Window]
-    drive: NDArray[np.float64]
-    measured: dict[str, NDArray[np.float64]]
-    before: dict[str, NDArray[np.float64]]
-    after: dict[str, NDArray[np.float64]]
-    balances: list[tuple[str, str]]
-    residual_before: NDArray[np.float64]
-    residual_after: NDArray[np.float64]
-    findings: list[Finding]
-    shape: Shape | None
-    shape_windows: list[Window]
-    shape_regime: str
-    explained: float
-    left_over: Colour | None
-    ranking: list[tuple[Candidate, float]]
-    detectable: list[Detectable]
-    fit_before: dict[str, float]
-    fit_after: dict[str, float]
-    held_out_gain: float
-    excited: bool
-    limits: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
-
-    # the reports read a diagnosis, so they are loaded where one is told
 
     @property
     def sentence(self) -> str:
         """The answer in one sentence."""
-        from .report.sentences import sentence
-
         return sentence(self)
 
     def summary(self) -> str:
         """The answer, what was found with its intervals, and the fit, as text for a terminal."""
-        from .report.text import summary
-
         return summary(self)
 
     def to_dict(self) -> dict[str, Any]:
         """What stands in ``report.json``: numbers in the units that their names carry."""
-        from .report.data import as_dict
-
         return as_dict(self)
 
     def save(self, folder: str | Path, *, page: bool = True) -> Path:

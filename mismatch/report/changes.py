@@ -8,13 +8,13 @@ from markupsafe import Markup
 
 from ...plant.ship import Ship
 from ...plant.ship_errors import ShipError
-from ..diagnosis import Diagnosis
+from ..outcome import Outcome
 from .wording import breakable, number, superscript
 
 _ABSENT = "absent"
 
 
-def changed_keys(diagnosis: Diagnosis) -> list[tuple[Markup, str, str]]:
+def changed_keys(diagnosis: Outcome) -> list[tuple[Markup, str, str]]:
     """Keys of the ship's file that differ: key, nominal and corrected value."""
     old, new = (_flat(s.model_dump()) for s in (diagnosis.ship, diagnosis.corrected))
     return [

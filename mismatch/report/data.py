@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..diagnosis import Diagnosis
+from ..outcome import Outcome
 from ..simulate.balances import PART_OF
 from .sentences import finding_sentence, sentence
 
 
-def _location(diagnosis: Diagnosis) -> dict[str, Any]:
+def _location(diagnosis: Outcome) -> dict[str, Any]:
     duration = float(diagnosis.time_s[-1])
     if diagnosis.findings:
         balances = list(dict.fromkeys(f.effect.balance for f in diagnosis.findings))
@@ -47,7 +47,7 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
+def as_dict(diagnosis: Outcome) -> dict[str, Any]:
     """``report.json``; numbers in the units that their names carry."""
     effects = []
     for f in diagnosis.findings:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from scipy.signal import welch
 
-from ..diagnosis import Diagnosis
+from ..outcome import Outcome
 from .panels import (
     AFTER,
     AFTER_LINE,
@@ -41,23 +41,23 @@ QUANTITY = {
 """What a balance lacks."""
 
 
-def changed(diagnosis: Diagnosis) -> bool:
+def changed(diagnosis: Outcome) -> bool:
     """Whether the corrected ship differs from the nominal one."""
     return diagnosis.corrected != diagnosis.ship
 
 
-def before_line(diagnosis: Diagnosis) -> dict[str, Any]:
+def before_line(diagnosis: Outcome) -> dict[str, Any]:
     """Style of the nominal ship's lines: dashed only where another's lie under them."""
     return BEFORE_LINE if changed(diagnosis) else {**BEFORE_LINE, "linestyle": "-"}
 
 
-def interval(diagnosis: Diagnosis) -> float:
+def interval(diagnosis: Outcome) -> float:
     """Spacing of the rows [s]."""
     time = diagnosis.time_s
     return float(time[-1] - time[0]) / (len(time) - 1)
 
 
-def traces(diagnosis: Diagnosis) -> list[str]:
+def traces(diagnosis: Outcome) -> list[str]:
     """Each channel measured and simulated: the whole recording, then the part set aside."""
     time = diagnosis.time_s
     drawn: list[str] = []
@@ -88,7 +88,7 @@ def traces(diagnosis: Diagnosis) -> list[str]:
     return drawn
 
 
-def residuals(diagnosis: Diagnosis) -> list[str]:
+def residuals(diagnosis: Outcome) -> list[str]:
     """What each balance lacks over time, before and after."""
     time = diagnosis.time_s
     drawn: list[str] = []
@@ -133,7 +133,7 @@ def _range(means: list[Array], spread: float) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _windows(diagnosis: Diagnosis, row: int) -> list[tuple[float, float]]:
+def _windows(diagnosis: Outcome, row: int) -> list[tuple[float, float]]:
     """Windows of what was found in a balance, those that hold all of the recording left out."""
     found = [w for f in diagnosis.findings if f.row == row for w in f.windows]
     if diagnosis.shape is not None and diagnosis.shape.balance == diagnosis.balances[row][0]:
@@ -141,7 +141,7 @@ def _windows(diagnosis: Diagnosis, row: int) -> list[tuple[float, float]]:
     return [w for w in found if w[1] - w[0] < 0.98 * float(diagnosis.time_s[-1])]
 
 
-def spectra(diagnosis: Diagnosis) -> list[str]:
+def spectra(diagnosis: Outcome) -> list[str]:
     """Spectrum of what each balance lacks, before and after."""
     drawn = []
     rate = 1.0 / interval(diagnosis)
@@ -203,7 +203,7 @@ def sea_band(frequency: Array, power: Array) -> tuple[float, float] | None:
     return float(lifted[0]), float(lifted[-1])
 
 
-def ranking(diagnosis: Diagnosis) -> list[str]:
+def ranking(diagnosis: Outcome) -> list[str]:
     """The catalogue's best candidates and the threshold of each."""
     best = diagnosis.ranking[:RANKED]
     if not best:

@@ -13,14 +13,15 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from ...plant.ship import Ship
-from ..diagnosis import Diagnosis
 from ..judge.verdict import EXPLAINED, NOTHING
+from ..outcome import Outcome
 from ..search.catalogue import catalogue
 from ..search.placed import Placed
 from . import figures, regimes
 from .changes import changed_keys
 from .panels import equation
 from .remarks import remarks
+from .sentences import sentence
 from .text import CONSTANT
 from .wording import (
     breakable,
@@ -42,7 +43,7 @@ _WORDS = {
 }
 
 
-def report_html(diagnosis: Diagnosis) -> str:
+def report_html(diagnosis: Outcome) -> str:
     """The page, self-contained: styles, equations and figures stand in it."""
     status = _status(diagnosis)
     drawn = {
@@ -57,7 +58,7 @@ def report_html(diagnosis: Diagnosis) -> str:
         d=diagnosis,
         status=status,
         verdict=_WORDS[status],
-        sentence=diagnosis.sentence,
+        sentence=sentence(diagnosis),
         changed=figures.changed(diagnosis),
         facts=_facts(diagnosis),
         fits=_fits(diagnosis),
@@ -83,7 +84,7 @@ def _template() -> Template:
     ).from_string(text)
 
 
-def _status(diagnosis: Diagnosis) -> str:
+def _status(diagnosis: Outcome) -> str:
     """The verdict, or ``undecided`` where the recording's limits stand in its way."""
     undecided = diagnosis.verdict == NOTHING or not diagnosis.excited
     if diagnosis.limits and diagnosis.verdict != EXPLAINED and undecided:
@@ -91,7 +92,7 @@ def _status(diagnosis: Diagnosis) -> str:
     return diagnosis.verdict
 
 
-def _finding(diagnosis: Diagnosis, place: int) -> dict[str, Any]:
+def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
     finding, ship = diagnosis.findings[place], diagnosis.ship
     effect = finding.effect
     rows = []
@@ -130,7 +131,7 @@ def _rival(placed: Placed, ship: Ship) -> str:
     return f"{placed.effect.label} with {words} {measure(value, unit)}"
 
 
-def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
     time, held = diagnosis.time_s, diagnosis.held_out
     duration, step = float(time[-1]), figures.interval(diagnosis)
     minutes = f" ({duration / 60.0:.0f} min)" if duration >= 120.0 else ""
@@ -149,7 +150,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return facts
 
 
-def _fits(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+def _fits(diagnosis: Outcome) -> list[dict[str, Any]]:
     """FitPercent by channel, with the widths of its bars."""
 
     def width(value: float) -> str:
@@ -179,7 +180,7 @@ def _fits(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return rows
 
 
-def _shape(diagnosis: Diagnosis) -> dict[str, Any] | None:
+def _shape(diagnosis: Outcome) -> dict[str, Any] | None:
     shape = diagnosis.shape
     if shape is None:
         return None
@@ -198,7 +199,7 @@ def _shape(diagnosis: Diagnosis) -> dict[str, Any] | None:
     }
 
 
-def _detectable(diagnosis: Diagnosis) -> list[dict[str, str]]:
+def _detectable(diagnosis: Outcome) -> list[dict[str, str]]:
     return [
         {
             "effect": effect_words(item.effect),
@@ -213,7 +214,7 @@ def _detectable(diagnosis: Diagnosis) -> list[dict[str, str]]:
     ]
 
 
-def _untold(diagnosis: Diagnosis) -> dict[str, list[str]]:
+def _untold(diagnosis: Outcome) -> dict[str, list[str]]:
     """Entries of the catalogue without a smallest size: not tried at all, or not of one number."""
     tried = {c.effect.label for c, _ in diagnosis.ranking}
     sized = {item.effect.label for item in diagnosis.detectable}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...plant.columns import drive_column
-from ..diagnosis import Diagnosis
 from ..estimate import HALF_95
+from ..outcome import Outcome
 from .figures import QUANTITY, changed, interval
 from .panels import AFTER, BEFORE, HELD_OUT, MEASURED, QUIET, Array, block_rows, blocks, panel, svg
 from .wording import channel_name, scaled, with_unit
@@ -14,7 +14,7 @@ from .wording import channel_name, scaled, with_unit
 _BINS = 12
 
 
-def located_rows(diagnosis: Diagnosis) -> list[int]:
+def located_rows(diagnosis: Outcome) -> list[int]:
     """Balances that the findings point to; where there are none, the one that wanders most."""
     if diagnosis.findings:
         return list(dict.fromkeys(f.row for f in diagnosis.findings))
@@ -30,7 +30,7 @@ def located_rows(diagnosis: Diagnosis) -> list[int]:
     return [int(np.argmax(means))]
 
 
-def signals_shown(diagnosis: Diagnosis) -> dict[str, tuple[Array, str, str]]:
+def signals_shown(diagnosis: Outcome) -> dict[str, tuple[Array, str, str]]:
     """Signals over which a residual is shown: values, name and unit.
 
     They are simulated, by the corrected ship: measured ones share their noise with the residual.
@@ -59,7 +59,7 @@ def binned(signal: Array, residual: Array, size: int) -> tuple[Array, Array, Arr
     )
 
 
-def regimes(diagnosis: Diagnosis) -> list[str]:
+def regimes(diagnosis: Outcome) -> list[str]:
     """What the located balances lack over the operating regime, before and after."""
     drawn: list[str] = []
     size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
@@ -90,7 +90,7 @@ def regimes(diagnosis: Diagnosis) -> list[str]:
     return drawn
 
 
-def shape_panel(diagnosis: Diagnosis) -> list[str]:
+def shape_panel(diagnosis: Outcome) -> list[str]:
     """What has no name, over the signal that it follows."""
     shape = diagnosis.shape
     if shape is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..diagnosis import Diagnosis
+from ..outcome import Outcome
 from .figures import interval
 from .panels import block_rows, blocks
 from .wording import channel_name, number
@@ -16,7 +16,7 @@ _ELSEWHERE = 3.0
 """Ratio of what is missing on the part set aside to elsewhere, from which it is said."""
 
 
-def remarks(diagnosis: Diagnosis) -> list[str]:
+def remarks(diagnosis: Outcome) -> list[str]:
     """Sentences on what the correction worsens, never fitted or leaves over; often none."""
     said = []
     worse = [

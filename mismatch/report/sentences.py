@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..diagnosis import Diagnosis
 from ..judge.findings import Finding
 from ..judge.verdict import EXPLAINED, NOTHING
+from ..outcome import Outcome
 from .wording import measure, parameter_words
 
 
@@ -35,7 +35,7 @@ def finding_sentence(finding: Finding) -> str:
     return f"{when[:1].upper()}{when[1:]}{where} the {subject} lacks {effect.lacks}, {', '.join(sizes)}."
 
 
-def sentence(diagnosis: Diagnosis) -> str:
+def sentence(diagnosis: Outcome) -> str:
     """The answer in one sentence."""
     limits = "; ".join(diagnosis.limits)
     if diagnosis.verdict == EXPLAINED:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from ..diagnosis import Diagnosis
+from ..outcome import Outcome
+from .sentences import sentence
 
 CONSTANT = "constant: no FitPercent"
 
@@ -28,9 +29,9 @@ def aligned(rows: Sequence[Mapping[str, str]], right: Sequence[str] = ()) -> str
     )
 
 
-def summary(diagnosis: Diagnosis) -> str:
+def summary(diagnosis: Outcome) -> str:
     """The answer, the findings with their intervals, and the fit on what was set aside."""
-    parts = [f"{diagnosis.verdict}: {diagnosis.sentence}"]
+    parts = [f"{diagnosis.verdict}: {sentence(diagnosis)}"]
     if diagnosis.findings:
         numbers = ("value", "95 % from", "to", "evidence", "threshold")
         parts.append(
@@ -46,7 +47,7 @@ def summary(diagnosis: Diagnosis) -> str:
     return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
 
 
-def _findings(diagnosis: Diagnosis) -> list[dict[str, str]]:
+def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
     """One row a parameter; what belongs to the whole finding stands in its first."""
     rows = []
     for finding in diagnosis.findings:
@@ -78,7 +79,7 @@ def _findings(diagnosis: Diagnosis) -> list[dict[str, str]]:
     return rows
 
 
-def _fits(diagnosis: Diagnosis) -> list[dict[str, str]]:
+def _fits(diagnosis: Outcome) -> list[dict[str, str]]:
     rows = []
     for channel in diagnosis.measured:
         row = {"channel": channel, "before": "–", "after": "–", "": CONSTANT}

@@ -157,7 +157,11 @@ def test_measured_inflow_takes_the_place_of_the_wakes(frigate: Ship) -> None:
     assert not Replay(ship, plain()).inflow_rows(ship.record()).any()
 
 
-MEASURED_START = {"pitch_ratio": 1.2, "shaft_speed_rad_s": 10.0, "ship_speed_m_s": 8.0}
+MEASURED_START: dict[str, Any] = {
+    "pitch_ratio": 1.2,
+    "shaft_speed_rad_s": 10.0,
+    "ship_speed_m_s": 8.0,
+}
 
 
 def test_it_starts_at_the_measured_state(frigate: Ship) -> None:

@@ -83,7 +83,8 @@ def test_samples_are_the_outputs_of_single_steps(
         now, log = get_state(state), float(memory["speed_log"])
         last = min(k, steps - 1)
         if k < steps:
-            out = step(plant, state, memory, sea, drive[k], pitch[k], *acts[2 * k : 2 * k + 3], dt)
+            begin, middle, end = acts[2 * k : 2 * k + 3]
+            out = step(plant, state, memory, sea, drive[k], pitch[k], begin, middle, end, dt)
         else:
             out = observe(plant, state, memory, sea, pitch[last], acts[-1], dt)
         expected = {

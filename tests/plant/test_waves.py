@@ -41,7 +41,7 @@ def moment(order: int, sea: Sea) -> float:
     peak = 2.0 * math.pi / sea.tp_s
     w = np.geomspace(0.2, 40.0, 400_000) * peak
     tail = density(40.0, sea) * w[-1] ** (order + 1) / (4.0 - order)
-    return float(np.trapezoid(w**order * jonswap(w, sea), w)) + tail
+    return float(np.trapezoid(w**order * jonswap(w, sea), w) + tail)
 
 
 def test_peak_has_its_value() -> None:

@@ -12,9 +12,10 @@ from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.selection import Selection
 
-from ..toy import FOULING, FRICTION, ROWS, SLOPES, Toy, bands, entry, fitter, white
+from ..toy import FOULING, FRICTION, ROWS, SLOPES, VISCOUS, Toy, bands, entry, fitter, white
 
 ENGINE_FRICTION = entry("coulomb-friction (engine)")
+VISCOUS_FRICTION = entry("viscous-friction (engine)")
 HULL_FOULING = entry("hull-fouling (hull)")
 GAUGE = entry("torque-sensor-gain (sensor)")
 EPISODE = entry("resistance-episode (hull)")
@@ -125,3 +126,55 @@ def test_the_size_is_the_distance_from_the_ship_s_own() -> None:
     there = fitter({})
     (usual,) = detectable_effects(there, lambda effect: 16.0, there.null, [ENGINE_FRICTION])
     assert here.value == pytest.approx(usual.value)
+
+
+def test_effects_in_one_balance_have_traces_of_their_own() -> None:
+    fit = fitter({})
+    placed = (Placed(ENGINE_FRICTION, (6000.0,)), Placed(VISCOUS_FRICTION, (300.0,)))
+    chosen = Selection(fit.fitted(placed), (9.0, 9.0), (8.0, 8.0), ((), ()), ())
+    first, second = findings_of(fit, chosen, lacking(fit), 0.0)
+    assert first.trace == pytest.approx(6000.0 * SLOPES[FRICTION][0])
+    assert second.trace == pytest.approx(300.0 * SLOPES[VISCOUS][0])
+
+
+def test_what_acts_always_has_no_regime(monkeypatch: pytest.MonkeyPatch) -> None:
+    mostly = np.where(np.arange(ROWS) > 480, 1e-3, 2e-4)  # felt throughout, strongest at the end
+    monkeypatch.setitem(SLOPES, FRICTION, np.array([mostly, np.zeros(ROWS)]))
+    toy: Any = Toy({FRICTION: 6000.0}, white(0, 0.5, 2.0))
+    samples = toy.simulate
+    toy.simulate = lambda *given: samples(*given) | {"ship_speed": np.linspace(5.0, 8.0, ROWS)}
+    fit = Fitter(toy, bands())
+    chosen = Selection(fit.fitted((Placed(ENGINE_FRICTION, (6000.0,)),)), (9.0,), (8.0,), ((),), ())
+    (found,) = findings_of(fit, chosen, lacking(fit), 0.0)
+    assert (found.windows, found.regime) == ([(0.0, ROWS - 1.0)], "")
+
+
+def test_sizes_are_told_beside_what_was_found() -> None:
+    fit = fitter({FOULING: 0.3})
+    found = fit.fitted((Placed(HULL_FOULING, (0.3,)),))
+    (friction,) = detectable_effects(fit, lambda effect: 16.0, found, [ENGINE_FRICTION])
+    column = fit.bands.transform(SLOPES[FRICTION])[None]
+    variance = np.linalg.inv(fit.likelihood.information(found.weight, column))[0, 0]
+    assert friction.value == pytest.approx(4.0 * np.sqrt(variance))
+
+
+def test_a_size_is_worked_out_at_the_probe_nearest_to_none() -> None:
+    fit = fitter({})
+    tried: list[float] = []
+    predicted = fit.predicted
+
+    def spied(record: Any) -> Any:
+        tried.append(fit.trial_ship.ship.number(FOULING).read(record))
+        return predicted(record)
+
+    fit.predicted = spied  # type: ignore[method-assign]
+    detectable_effects(fit, lambda effect: 16.0, fit.null, [HULL_FOULING])
+    assert tried == [0.0, -0.03]
+
+
+def test_an_effect_without_room_for_a_probe_has_no_size() -> None:
+    full = fitter({}).balances.replay.ship.with_values({FRICTION: 1e7})
+    toy: Any = Toy({}, white(0, 0.5, 2.0), ship=full)
+    fit = Fitter(toy, bands())
+    assert fit.trial_ship.probes(ENGINE_FRICTION.parameters[0]) == []
+    assert detectable_effects(fit, lambda effect: 16.0, fit.null, [ENGINE_FRICTION]) == []

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import ruptures
 
 from shaftline.mismatch.judge.location import (
     _correlation,
@@ -62,15 +63,31 @@ def test_a_change_must_pay_three_ln_n_of_the_long_run_variance(
     assert changes(stepped(pattern, count, 0.92 * penalty)) == []
 
 
-def test_a_correlation_between_none_and_four_counts_as_it_is() -> None:
-    slower = [0.0, 1.0, 2.0, 2.5, 1.5, 0.5]
-    blocks = np.resize(np.array(slower), 48)
-    # steps 1, 1, 1/2, -1, -1, -1/2: squares' median 1, products' 1/2: 1 + 2 (1/2 + 1/2) = 3
-    steps = np.diff(blocks)
-    assert float(np.median(steps[1:] * steps[:-1])) == 0.5
-    penalty = 3.0 * math.log(48) * 1.4826**2 / 2.0 * 3.0
-    assert changes(stepped(slower, 48, 1.1 * penalty)) == pytest.approx([24.0], abs=1.0)
-    assert changes(stepped(slower, 48, 0.9 * penalty)) == []
+# steps 1, 1, 1/2, -1, -1, -1/2: median of the squares 1, of neighbours' products 1/2
+SLOWER = [0.0, 1.0, 2.0, 2.5, 1.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "step", "correlation"),
+    [(WHITE, 2.0, 1.0), (SLOWER, 1.0, 1.0 + 2.0 * (0.5 + 0.5)), (TRIANGLE, 1.0, 4.0)],
+)
+def test_the_penalty_is_told_to_the_search(
+    monkeypatch: pytest.MonkeyPatch, pattern: list[float], step: float, correlation: float
+) -> None:
+    asked = []
+    predict = ruptures.Pelt.predict
+
+    def spied(self: Any, pen: float) -> Any:
+        asked.append(pen)
+        return predict(self, pen)
+
+    monkeypatch.setattr(ruptures.Pelt, "predict", spied)
+    changes(np.resize(pattern, 60))
+    variance = (1.4826 * step) ** 2 / 2.0
+    assert asked == [pytest.approx(3.0 * math.log(60) * variance * correlation)]
+    asked.clear()
+    changes(np.resize(pattern, 48) + np.repeat(100.0 * np.arange(8), 6))  # seven are too many
+    assert asked[1:] == pytest.approx([1.5 * penalty for penalty in asked[:-1]])
 
 
 def test_few_blocks_or_none_that_move_have_no_changes() -> None:
@@ -139,6 +156,17 @@ def test_stretches_that_nearly_touch_are_one() -> None:
     assert active_windows(apart, 1.0, 2000.0) == [(198.0, 402.0), (422.0, 502.0)]
 
 
+def test_gaps_and_means_are_told_in_seconds() -> None:
+    # two rows a second: of 23 s between, 19 are left after the means over 5 s; of 27, 23
+    found = active_windows(trace((200, 400, 5.0), (446, 800, 5.0)), 0.5, 1000.0)
+    assert found == [pytest.approx((100.0, 400.0), abs=2.5)]
+    apart = active_windows(trace((200, 400, 5.0), (454, 800, 5.0)), 0.5, 1000.0)
+    assert apart == [
+        pytest.approx((100.0, 200.0), abs=2.5),
+        pytest.approx((227.0, 400.0), abs=2.5),
+    ]
+
+
 def test_what_acts_most_of_the_time_acts_always() -> None:
     assert active_windows(trace((0, 1190, 5.0)), 1.0, 2000.0) == [(0.0, 1192.0)]
     assert active_windows(trace((0, 1210, 5.0)), 1.0, 2000.0) == [(0.0, 2000.0)]
@@ -188,6 +216,12 @@ def test_four_fifths_must_lie_in_a_regime(share: float, words: str) -> None:
 def test_a_regime_must_hold_more_than_its_share_of_time(share: float, words: str) -> None:
     middle = (SPEED > 10.0) & (SPEED < 11.0)  # half of the time lies above
     assert regime(shared(middle, share), {"v": (SPEED, "m/s")}) == words
+
+
+def test_a_level_belongs_to_its_regime() -> None:
+    levels = np.repeat([5.0, 6.0], 500)
+    assert regime(np.where(levels == 5.0, 1.0, 0.0), {"v": (levels, "m/s")}) == "v below 5 m/s"
+    assert regime(np.where(levels == 6.0, 1.0, 0.0), {"v": (levels, "m/s")}) == "v above 6 m/s"
 
 
 def test_signals_that_rest_and_the_clock_have_no_regimes() -> None:

@@ -20,6 +20,7 @@ from shaftline.mismatch.judge.shapes import (
 )
 from shaftline.mismatch.judge.whiteness import Colour
 from shaftline.mismatch.search.fitting import Fitter
+from shaftline.mismatch.search.spectra import Likelihood
 from shaftline.plant import load_ship
 
 from ..toy import FRICTION, RESISTANCE, ROWS, SLOPES, SPEED, TIME, Toy, bands, fitter, white
@@ -105,6 +106,32 @@ def test_the_gain_is_that_of_the_likelihood() -> None:
     left = Fitter(toy, fit.bands)
     assert best.gain == pytest.approx(left.null.score - fit.null.score, rel=0.02)
     assert best.gain > 30.0
+
+
+def test_a_shape_s_values_are_next_to_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their prior is ten times the rms of what their balance lacks."""
+    asked = []
+
+    class Spied(Likelihood):
+        def __init__(self, grid: Any, regressors: Any) -> None:
+            asked.append(regressors)
+            super().__init__(grid, regressors)
+
+    fit = lacking(np.zeros((2, ROWS)))
+    monkeypatch.setattr("shaftline.mismatch.judge.shapes.Likelihood", Spied)
+    best_shapes(fit, fit.null)
+    rms = np.sqrt(np.mean(np.abs(fit.null.difference) ** 2, axis=1))
+    # over the shaft's speed, the drive and time; speed of ship and pitch rest
+    assert len(asked) == 2 * 3
+    for number, regressors in enumerate(asked):
+        row, signal = divmod(number, 3)
+        values = (SPEED, fit.balances.nominal_samples["drive"], TIME)[signal]
+        knots = _knots(values, "time" if signal == 2 else "v")
+        assert knots is not None
+        expected = fit.bands.transform(_hats(values, knots)) * 10.0 * rms[row]
+        assert regressors[: len(knots), row] == pytest.approx(expected)
+        assert not regressors[: len(knots), 1 - row].any()
+        assert regressors[len(knots) :] == pytest.approx(fit.nuisance)
 
 
 def test_what_the_tolerances_take_up_is_no_shape() -> None:

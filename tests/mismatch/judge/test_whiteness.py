@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,8 +11,9 @@ import pytest
 from scipy.stats import chi2
 
 from shaftline.mismatch.judge.whiteness import CHANCE, EXCESS, Colour, Whiteness
+from shaftline.mismatch.search.fitting import Fitter
 
-from ..toy import FRICTION, RESISTANCE, ROWS, SLOPES, TIME, bands, fitter, white
+from ..toy import FRICTION, RESISTANCE, ROWS, SLOPES, TIME, Toy, bands, fitter, white
 
 RMS = (0.5, 2.0)
 NOISE = {"engine": 0.5, "hull": 2.0}
@@ -63,6 +65,22 @@ def test_of_a_ship_that_moves_only_what_is_slower_than_the_sea_is_judged() -> No
     assert (found[last > 0.03] == 0.0).all()
     assert (found[last <= 0.03] > 0.0).all()
     assert {bool(x) for x in last > 0.03} == {True, False}
+
+
+@pytest.mark.parametrize(("last", "judged"), [(17, True), (19, False)])
+def test_the_sea_begins_at_three_hundredths_of_a_hertz(last: int, judged: bool) -> None:
+    # every 1/600 Hz: bands that end at 0.0283 and at 0.0317
+    grid = replace(bands(), edges=np.array([0, 8, last + 1, 60, len(bands().order)]))
+    toy: Any = Toy({}, white(5, *RMS))
+    judge = Whiteness(Fitter(toy, grid), NOISE)
+    assert bool((judge.ratios(judge.fitter.null)[1] > 0.0).all()) is judged
+
+
+def test_the_noise_is_what_it_adds_to_the_nominal_residuals() -> None:
+    fit = whiteness().fitter
+    fit.balances.nominal = {name: 50.0 + 9.0 * np.sin(TIME) for name in ("engine", "hull")}
+    found = Whiteness(fit, NOISE)
+    assert found.ratios(residual(found, white(11, *RMS)))[-4:].mean() == pytest.approx(1.0, abs=0.1)
 
 
 def test_colour_is_where_the_excess_over_chance_is_largest() -> None:

@@ -36,6 +36,7 @@ class Scores:
         self.null = self.fitted(())
         self.refined_labels: list[str] = []
         self.jointly: list[tuple[str, ...]] = []
+        self.evaluations: list[int] = []
 
     def _trials(self, effect: Effect, windows: Any) -> Any:
         yield Placed(effect, (1.0,))
@@ -64,6 +65,7 @@ class Scores:
 
     def joint(self, fit: Any, evaluations: int = 90) -> Any:
         self.jointly.append(tuple(p.effect.label for p in fit.effects))
+        self.evaluations.append(evaluations)
         return fit
 
 
@@ -217,6 +219,36 @@ def test_an_effect_that_a_later_one_makes_superfluous_is_dropped(
     found = selector(scores, LAG, FOULING, CURRENT).search()
     assert [p.effect for p in found.fit.effects] == kept
     assert found.fit.score == scores.score(found.fit.effects)
+
+
+def test_after_one_is_dropped_the_rest_is_looked_at_anew() -> None:
+    limit = math.log(N) + 2.0 * math.log(3.0)
+    scores = Scores(
+        {
+            (LAG.label, FOULING.label, CURRENT.label): 900.0,
+            (FOULING.label, CURRENT.label): 900.0 - 5.0 * limit,
+            (LAG.label, CURRENT.label): 900.0 - 0.5 * limit,
+            CURRENT.label: 900.0 - 1.4 * limit,
+        }
+    )
+    all_three: Any = scores.fitted(tuple(Placed(e, (2.0,)) for e in (LAG, FOULING, CURRENT)))
+    left = selector(scores, LAG, FOULING, CURRENT)._without_the_idle(all_three)
+    assert [p.effect for p in left.effects] == [CURRENT]
+
+
+def test_without_an_effect_the_others_are_fitted_again() -> None:
+    worth: dict[Any, float] = {e.label: 100.0 for e in (LAG, FOULING, CURRENT)}
+    scores = Scores(worth, refining=3.0)
+    search = selector(scores, LAG, FOULING, CURRENT)
+    three: Any = scores.fitted(tuple(Placed(e, (2.0,)) for e in (LAG, FOULING, CURRENT)))
+    assert [p.effect for p in search._without(three, 1).effects] == [LAG, CURRENT]
+    assert (scores.jointly, scores.evaluations) == ([(LAG.label, CURRENT.label)], [60])
+    two: Any = scores.fitted(three.effects[:2])
+    assert search._without(two, 0).score == 103.0
+    assert scores.refined_labels == [FOULING.label]
+    one: Any = scores.fitted(three.effects[:1])
+    assert search._without(one, 0).score == 0.0
+    assert (len(scores.jointly), len(scores.refined_labels)) == (1, 1)
 
 
 def test_gains_are_those_beside_the_others() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -74,6 +76,89 @@ def test_the_factor_multiplies_all_tolerances(draggy: pd.DataFrame) -> None:
     by_factor = tolerance_records(JointReplay(ship, draggy), 2.0)
     for (record, _), (other, _) in zip(by_file, by_factor, strict=True):
         assert record.tobytes() == other.tobytes()
+
+
+KNOWN = {
+    "resistance": 0.011, "mass": 0.012, "wake_fraction": 0.013, "thrust_curve": 0.014,
+    "inertia": 0.015, "torque_curve": 0.016, "torque_per_rack": 0.017, "torque_offset": 0.018,
+    "pitch_time_constant": 0.019, "motor_constant": 0.021, "armature_resistance": 0.022,
+}  # fmt: skip
+
+
+def moved_in(ship: Ship, table: pd.DataFrame, scale: float) -> list[tuple[dict[str, Any], Any]]:
+    """Factor on each field that a record moves, and the shift of the first state."""
+    sure = ship.with_values({f"tolerances.{key}": value for key, value in KNOWN.items()})
+    own, found = sure.record(), []
+    for record, shift in tolerance_records(JointReplay(sure, table), scale):
+        changed: dict[str, Any] = {}
+        for name in own.dtype.names:
+            if record[name].tobytes() != own[name].tobytes():
+                before, after = np.asarray(own[name]), np.asarray(record[name])
+                live = before != 0.0
+                changed[name] = (
+                    float(np.mean(after[live] / before[live])) if live.any() else float(after)
+                )
+        found.append((changed, shift))
+    return found
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_each_number_is_one_standard_deviation_off(draggy: pd.DataFrame, scale: float) -> None:
+    frigate = load_ship("frigate")
+    plant = frigate.record()
+    still = (0.0, 0.0, 0.0)
+    top = min(plant["torque_limit"], plant["torque_per_rack"] * plant["drive_max"])
+    shaft = JointReplay(frigate, draggy).start[1]
+    expected = [
+        ({"resistance_coefficient": 1.0 + 0.011 * scale}, still),
+        ({"mass": 1.0 + 0.012 * scale}, still),
+        ({"wake_fraction": 1.0 + 0.013 * scale / float(plant["wake_fraction"])}, still),
+        ({"kt": 1.0 + 0.014 * scale}, still),
+        ({"inertia_engine_side": 1.0 + 0.015 * scale}, still),
+        ({"inertia_propeller_side": 1.0 + 0.015 * scale}, still),
+        ({"relative_rotative_efficiency": 1.0 / (1.0 + 0.016 * scale)}, still),
+        ({"torque_per_rack": 1.0 + 0.017 * scale}, still),
+        ({"torque_offset": 1.0 + 0.018 * scale * top / float(plant["torque_offset"])}, still),
+        ({"pitch_time_constant": 1.0 + 0.019 * scale}, still),
+        ({}, (0.0, 0.02 * scale * shaft, 0.0)),
+        ({}, (0.005 * scale, 0.0, 0.0)),
+        ({}, (0.0, 0.0, 0.05 * scale)),
+    ]
+    found = moved_in(frigate, draggy, scale)
+    assert len(found) == len(expected)
+    for (fields, shift), (wanted, start) in zip(found, expected, strict=True):
+        assert set(fields) == set(wanted)
+        assert shift == pytest.approx(start)
+        for name, factor in wanted.items():
+            assert fields[name] == pytest.approx(factor)
+
+
+def test_of_a_motor_its_constant_and_resistance_are_moved() -> None:
+    found = moved_in(bench_tug(), tug_run(), 1.0)
+    start = JointReplay(bench_tug(), tug_run()).start[1]
+    assert start < -10.0
+    assert found[-1][1] == pytest.approx((0.0, 0.02 * abs(start), 0.0))
+    fields = [fields for fields, _ in found]
+    assert fields[-3:] == [
+        {"motor_constant": pytest.approx(1.021)}, {"armature_resistance": pytest.approx(1.022)}, {},
+    ]  # fmt: skip
+    slow = moved_in(bench_tug(), tug_run().assign(shaft_speed_rad_s=0.4), 1.0)
+    assert slow[-1][1] == pytest.approx((0.0, 0.02, 0.0))  # near rest, of 1 rad/s
+
+
+def test_thrust_alone_is_moved_in_four_quadrants(draggy: pd.DataFrame) -> None:
+    ship = load_ship("frigate").with_values(
+        {"propeller.model": "four-quadrant", "tolerances.thrust_curve": 0.1}
+    )
+    own = ship.record()["four_quadrant"]
+    moved = next(
+        record["four_quadrant"]
+        for record, _ in tolerance_records(JointReplay(ship, draggy))
+        if record["kt"].tobytes() != ship.record()["kt"].tobytes()
+        or record["four_quadrant"].tobytes() != own.tobytes()
+    )
+    assert moved[..., :2] == pytest.approx(1.1 * own[..., :2])
+    assert (moved[..., 2:] == own[..., 2:]).all()
 
 
 def used_in(ship: Ship, table: pd.DataFrame) -> set[str]:
