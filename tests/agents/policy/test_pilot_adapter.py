@@ -18,7 +18,7 @@ from shaftline.agents.policy.pilot_adapter import (
 from shaftline.baselines.actions import actions
 from shaftline.baselines.combinator import combinator_curve
 from shaftline.baselines.controller import OBSERVED
-from shaftline.baselines.speed_pilot import Settings, Slowed, SpeedPilot
+from shaftline.baselines.speed_pilot import PilotSettings, Slowed, SpeedPilot
 from shaftline.baselines.steady_points import steady_point
 from shaftline.envs import FrigateVectorEnv
 from shaftline.plant import load_ship
@@ -118,7 +118,7 @@ def test_answers_are_settings_of_the_speed_pilot(observed: Any) -> None:
         answer = rng.uniform(-1.4, 1.4, (3, len(ANSWERS)))
         action = adapter.command(answer, memory, features)
         followed = keep * followed + (1.0 - keep) * np.clip(answer, -1.0, 1.0)
-        settings = Settings(
+        settings = PilotSettings(
             0.4 * followed[:, 0], 0.2 * followed[:, 1], 0.8 + 0.5 * followed[:, 2],
             0.2 + 0.1 * followed[:, 3], 0.6 + 1.5 * followed[:, 4],
         )  # fmt: skip
