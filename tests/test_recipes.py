@@ -69,14 +69,6 @@ def test_a_recipe_asks_for_no_more_places_than_the_house_allows(recipe: str) -> 
     assert len(RECIPES[recipe]["places"]) <= MOST[recipe]
 
 
-NO_TEST = "has no test in its mirror yet"
-NEEDED = {
-    "reward-term-torque_swing_kN_m": NO_TEST,
-    "drive-TorqueSource": NO_TEST,
-    "drive-DcMotor": NO_TEST,
-}
-"""Where a place of a recipe is not there yet, and why."""
-
 ONLY = {
     "drive-DcMotor": "plant/ship.py asks for the class, mismatch/report/regimes.py for the type's unit",
 }
@@ -93,7 +85,7 @@ def each(known: dict[str, str]) -> Any:
     return pytest.mark.parametrize(("recipe", "example"), marked)
 
 
-@each(NEEDED)
+@each({})
 def test_every_place_is_needed(recipe: str, example: dict[str, Any]) -> None:
     for place in places(recipe, example):
         text = (ROOT / place).read_text(encoding="utf-8")

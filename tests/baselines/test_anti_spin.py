@@ -162,6 +162,44 @@ def test_an_episodes_start_forgets(controller: AntiSpin) -> None:
     np.testing.assert_array_equal(again, fresh)
 
 
+def test_a_lost_reading_is_the_last_good_one_and_at_first_that_of_a_slow_ship(
+    controller: AntiSpin,
+) -> None:
+    curve = controller.curve
+    slow = [curve.ship_speed[0], curve.shaft_speed[0], 0.0, curve.pitch_ratio[0], 0.0,
+            curve.ship_speed[0], 0.0, 0.0]  # fmt: skip
+    _, first = controller.predict(np.full(8, math.nan))
+    assert first["reading"][0].tolist() == pytest.approx(slow)
+    _, second = controller.predict(CRUISE, first)
+    assert second["reading"][0].tolist() == CRUISE
+    bounds = np.array([40.0, 1e3, 1e8, 2.6, 200.0, 40.0, 40.0, 1.0])  # of the signal registry
+    for sign in (1.0, -1.0):
+        _, inside = controller.predict(sign * bounds, second)
+        assert inside["reading"][0].tolist() == (sign * bounds).tolist()
+        _, beyond = controller.predict(sign * bounds * 1.000001, second)
+        assert beyond["reading"][0].tolist() == CRUISE
+
+
+def test_settings_are_the_tunings_over_the_ships_numbers() -> None:
+    ship = load_ship("frigate").with_values(
+        {
+            "propeller.entrained_inertia_kg_m2": 1600.0,
+            "transmission.viscous_friction_propeller_side_N_m_s_rad": 300.0,
+        }
+    )
+    settings = AntiSpin(ship, 0.25, top_speed=0.9, highest_advance=0.8, gamma=0.05).settings
+    inertia = 53697.0 + 14411.0 + 1600.0
+    expected = {
+        "anti_spin": 1, "inertia": inertia, "gamma": 0.05, "proportional": 0.6 * inertia,
+        "integral": 0.05 * inertia, "highest_advance": 0.8, "ventilated_speed": 0.92,
+        "speed_min": 350.0 * math.pi / 30.0 / 7.38, "speed_max": 0.9 * 1000.0 * math.pi / 30.0 / 7.38,
+    }  # fmt: skip
+    for name, value in expected.items():
+        assert settings[name] == pytest.approx(value, rel=1e-12), name
+    assert settings["observer"]["dt"] == settings["detector"]["dt"] == 0.25
+    assert AntiSpinTuning() == AntiSpinTuning(0.1, 0.6, 0.05, 1.5, 1.0, 0.92, 1.0, 0.9)
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
 @pytest.mark.parametrize("first", [True, False])
 def test_bad_readings_give_a_finite_action(controller: AntiSpin, bad: float, first: bool) -> None:

@@ -273,6 +273,11 @@ def test_predict_commands_what_its_settings_say() -> None:
     assert after[:, 3] == pytest.approx(integral)
 
 
+def test_defaults_are_those_of_the_page() -> None:
+    assert PilotSettings() == PilotSettings(0.0, 0.0, 1.0, 0.15, 0.7)
+    assert SpeedPilot("frigate").settings == PilotSettings()
+
+
 def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(TypeError, match="foo"):
         SpeedPilot("frigate", foo=1.0)

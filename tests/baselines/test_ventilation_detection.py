@@ -69,6 +69,7 @@ def test_inflow_that_explains_a_torque(frigate: Ship) -> None:
 def test_record_holds_the_tuning() -> None:
     record = VentilationDetector(0.03, 2.0, 0.5, 0.8, 2.0, 1.5, 90.0).discretise(0.25)
     assert record.tolist() == (0.25, 0.03, 2.0, 0.5, 0.8, 2.0, 1.5, 90.0)
+    assert VentilationDetector() == VentilationDetector(0.02, 3.0, 0.65, 0.70, 1.0, 0.0, 120.0)
     assert DETECTOR.names == (
         "dt", "blend_gain", "blend_power", "on_below", "off_above", "hold", "sea_margin",
         "sea_memory",
