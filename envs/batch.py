@@ -178,8 +178,8 @@ class Batch:
         wave_seed = int(rng.integers(2**31))
         sea = drawn(self.seas_to_draw[which], rng)
         if begin.seas is not None:  # from a stream of its own: all else is as it would be without
-            rng = np.random.default_rng([wave_seed, 1])
-            sea = drawn(begin.seas[int(rng.integers(len(begin.seas)))], rng)
+            (own,) = rng.spawn(1)
+            sea = drawn(begin.seas[int(own.integers(len(begin.seas)))], own)
         return realise(sea, self.ship.propeller.depth_m, wave_seed) if sea else calm()
 
     def _start(self, i: int, speed: float) -> None:

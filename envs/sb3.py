@@ -25,7 +25,6 @@ class Sb3Frigates(VecEnv):
 
     def __init__(self, num_envs: int, **options: Any) -> None:
         self.vector = FrigateVectorEnv(num_envs, **options)
-        self.render_mode = None
         self._seed: int | None = None
         self._action: Any = None
         super().__init__(

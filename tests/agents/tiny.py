@@ -13,7 +13,7 @@ PPO: dict[str, Any] = {
     "sde_sample_freq": 4, "policy_kwargs": {"net_arch": [8, 8]},
 }  # fmt: skip
 SAC: dict[str, Any] = {
-    "learning_starts": 80, "batch_size": 16, "buffer_size": 1000, "train_freq": 4,
+    "learning_starts": 20, "batch_size": 16, "buffer_size": 1000, "train_freq": 4,
     "gradient_steps": 2, "policy_kwargs": {"net_arch": [8, 8]},
 }  # fmt: skip
 

@@ -19,6 +19,7 @@ from shaftline.envs.kernel import (
     disturbance,
     speed_order,
 )
+from shaftline.envs.randomness import normal
 from shaftline.envs.records import EPISODE
 from shaftline.observers import get_observer, update
 from shaftline.observers.base import ESTIMATE, Measurement
@@ -40,7 +41,7 @@ FAULTY = load_ship("frigate").with_values(
 """Every reading of this ship differs from the truth, and the rack from its command; she cavitates."""
 
 OPTIONS: dict[str, Any] = {
-    "speed_order_m_s": (5.0, 5.5, 6.5), "order_interval_s": 1.3, "initial_speed_m_s": 9.0,
+    "speed_order_m_s": (5.0, 5.5, 6.5), "order_interval_s": 0.7, "initial_speed_m_s": 9.0,
 }  # fmt: skip
 PLAN = np.full((26, 2), (0.9, 1.0), np.float32)
 PLAN[:12] = np.random.default_rng(1).uniform(-0.2, 0.9, (12, 2))
@@ -284,6 +285,23 @@ def test_the_accelerometers_noise_reaches_the_observer_alone() -> None:
         assert np.array_equal(clean[column], noisy[column])
     error = accelerations(noisy, ship) - accelerations(clean, ship)
     assert np.std(error) == pytest.approx(2e-2, rel=0.06)
+
+
+def test_a_seed_decides_the_noise() -> None:
+    """One stream, drawn instrument by instrument: what a seed shows is part of every figure."""
+    batch = FrigateEnv(task=STILL, observer="none").batch
+    batch.reset(0, np.random.default_rng(0), batch.begin(None))
+    stream, memory = batch.arrays.episodes[0].copy(), batch.arrays.memories[0]
+    batch.observe(np.array([0]))
+    draws = [normal(stream) for _ in range(5)]
+    shown = batch.observation[0]
+    truth = [batch.arrays.states[0]["shaft_speed"], memory["shaft_torque"], memory["pitch_ratio"]]
+    rms = [USUAL[name] for name in ("shaft_speed", "shaft_torque", "pitch_ratio")]
+    assert shown[1:4] == pytest.approx(
+        [x + s * n for x, s, n in zip(truth, rms, draws, strict=False)]
+    )
+    assert shown[5] == pytest.approx(memory["speed_log"] + 5e-2 * draws[4])
+    assert batch.arrays.episodes[0]["random"] == stream["random"]
 
 
 def test_noise_by_instrument_and_by_share() -> None:

@@ -157,6 +157,10 @@ def test_weights_are_costs_and_few_have_a_default() -> None:
     assert needed == list(TERMS[:7])
     plain = Weights(**dict.fromkeys(needed, 0.0))
     assert [getattr(plain, name) for name in TERMS[7:]] == [0.0, 0.0, 500.0]
+    with pytest.raises(ValidationError, match="frozen"):
+        plain.overload = 1.0
+    with pytest.raises(ValidationError, match="finite"):
+        Weights(**(dict.fromkeys(needed, 0.0) | {"overload": math.inf}))
     for name in TERMS:
         with pytest.raises(ValidationError, match=f"(?s){name}.*greater than or equal to 0"):
             Weights(**(dict.fromkeys(needed, 0.0) | {name: -1.0}))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from shaftline.envs import FrigateEnv, Task, get_task, tasks
 from shaftline.envs.tasks import HELD_OUT, TaskError
@@ -77,6 +78,8 @@ def test_fields_out_of_range_are_named(changes: dict[str, Any], words: str) -> N
 def test_ranges_may_be_a_single_value() -> None:
     task = get_task(fields(speed_order_m_s=(8.0, 8.0), resistance_swing=0.0))
     assert isinstance(task, Task)
+    with pytest.raises(ValidationError, match="frozen"):
+        task.order_interval_s = 5.0
     assert task.speed_order_m_s == (8.0, 8.0)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -107,9 +108,30 @@ def test_what_is_handed_out_is_not_changed_later() -> None:
 def test_a_picture_is_drawn_where_it_is_asked_for() -> None:
     env = FrigateEnv(render_mode="rgb_array", **SHORT)
     env.reset(seed=0)
+    empty = env.render()
     env.step(np.zeros(2))
-    assert env.render().shape == (480, 800, 3)
+    env.step(np.zeros(2))
+    assert env.render().shape == empty.shape == (480, 800, 3)
+    assert not np.array_equal(env.render(), empty)
+    env.reset(seed=0)
+    assert np.array_equal(env.render(), empty)
     assert FrigateEnv(**SHORT).render() is None
+    assert FrigateVectorEnv(2, render_mode=None).num_envs == 2  # Gymnasium hands it on
+
+
+def test_closing_lets_the_threads_go() -> None:
+    env = FrigateVectorEnv(4, threads=2, **SHORT)
+    env.reset(seed=0)
+    before = threading.active_count()
+    env.step(np.zeros((4, 2)))
+    assert threading.active_count() > before
+    env.close()
+    assert threading.active_count() <= before
+    alone = FrigateVectorEnv(4, threads=1, **SHORT)
+    alone.reset(seed=0)
+    alone.step(np.zeros((4, 2)))
+    assert threading.active_count() <= before
+    alone.close()
 
 
 def test_importing_registers_once() -> None:

@@ -130,6 +130,13 @@ def test_equal_seeds_meet_equal_seas(combinator: Combinator) -> None:
     assert np.array_equal(still[:, column], steered[:, column])
 
 
+def test_nothing_is_left_running(monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[FrigateVectorEnv] = []
+    monkeypatch.setattr(FrigateVectorEnv, "close", lambda env, **_: closed.append(env))
+    run_episodes(replace(CELL, episode_s=1.0), Still())
+    assert len(closed) == 1
+
+
 def test_same_setting_same_figures_whatever_the_threads(combinator: Combinator) -> None:
     first, _ = run_episodes(CELL, combinator, threads=1)
     second, _ = run_episodes(CELL, combinator, threads=3)

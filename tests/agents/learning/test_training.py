@@ -85,6 +85,26 @@ def test_legs_are_judged_on_seas_of_their_own_and_one_is_kept(whole: Any) -> Non
         assert policy.curve["failed"][leg - 1] == kpis["failed"].mean()
 
 
+def test_every_leg_begins_with_seeds_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Below those on which legs are judged and controllers compared."""
+    seeds: list[Any] = []
+    plain = Sb3Frigates.seed
+
+    def noting(env: Sb3Frigates, seed: int | None = None) -> Any:
+        seeds.append(seed)
+        return plain(env, seed)
+
+    monkeypatch.setattr(Sb3Frigates, "seed", noting)
+    train(recipe(), 3, tmp_path, device="cpu")
+    expected = [
+        int(np.random.SeedSequence([3, leg]).generate_state(1)[0] % 2**31) for leg in (0, 1)
+    ]
+    assert seeds[-1] == expected[1] % 400_000
+    assert expected[0] % 400_000 in seeds
+
+
 def test_legs_are_judged_as_the_recipe_sails(tmp_path: Path) -> None:
     """By the weights of the training, with its observer, noise and length of an episode."""
     kwargs = {"observer": "none", "sensor_noise": 0.0, "episode_s": 6.0}
@@ -136,13 +156,20 @@ def test_legs_are_whole_rollouts(
 
 def test_falling_values_follow_the_whole_training() -> None:
     falling, told = Falling(3.0), []
-    watch = _Watch(recipe(n_timesteps=400), [falling], lambda *said: told.append(said), ["good"])
+    watch = _Watch(recipe(n_timesteps=2000), [falling], lambda *said: told.append(said), ["good"])
     assert falling(0.1) == 3.0
-    for steps, left in ((0, 1.0), (1, 0.9975), (100, 0.75), (101, 0.7475), (400, 0.0), (500, 0.0)):
+    for steps, left in (
+        (0, 1.0),
+        (9, 0.9955),
+        (10, 0.995),
+        (500, 0.75),
+        (509, 0.7455),
+        (2001, 0.0),
+    ):
         watch.num_timesteps = steps
         assert watch._on_step()
         assert falling(1.0) == pytest.approx(3.0 * left)
-    assert told == [(steps, 400, "good") for steps in (0, 100, 400, 500)]  # every 400 / 200 steps
+    assert told == [(steps, 2000, "good") for steps in (0, 10, 500, 2001)]  # 200 times in all
 
 
 def piloted(**settings: Any) -> VecNormalize:
@@ -237,10 +264,12 @@ def test_a_training_does_not_go_on_with_other_source(
 
 def test_a_training_does_not_go_on_with_another_ship_of_the_same_file(tmp_path: Path) -> None:
     mine, folder = tmp_path / "mine.toml", tmp_path / "training"
-    mine.write_text(FRIGATE.read_text(encoding="utf-8"), encoding="utf-8")
+    text = FRIGATE.read_text(encoding="utf-8").replace('name = "frigate"', 'name = "mine"')
+    mine.write_text(text, encoding="utf-8")
     plan = recipe(n_timesteps=128)
     done = train(plan, 3, folder, device="cpu", ship=str(mine))
     assert load_policy(done).about["ship_source"] == str(mine)
+    assert load_policy(done).about["layout"]["ship"] == "mine"
     mine.write_text(
         mine.read_text(encoding="utf-8").replace("diameter_m = 4.2", "diameter_m = 4.1"),
         encoding="utf-8",
