@@ -98,7 +98,10 @@ def test_every_argument_is_documented(thing: Any) -> None:
     inherited = thing.__doc__ is not None and "see :" in thing.__doc__
     if told_elsewhere(thing) or inherited or len(wanted) == 0:
         return
-    told = entries(section(thing.__doc__ or "", "Args"))
+    family = thing.__mro__ if inspect.isclass(thing) else [thing]
+    told: dict[str, str] = {}
+    for one in family:
+        told |= entries(section(one.__doc__ or "", "Args"))
     if not told and len(wanted) == 1 and inspect.isfunction(thing):
         return  # one argument whose meaning the sentence gives
     beside = commented(thing)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from shaftline.agents import load
+from shaftline.agents import load_policy
 
 from .conftest import Command
 from .test_bad_input import nothing_written, refused
@@ -46,7 +46,7 @@ def test_a_policy_is_trained_and_evaluated(
     assert "in the environments" in first.output
     assert f"--controller policy:{out / 'policy.npz'} --controller combinator" in first.output
     assert "--observer luenberger" in first.output
-    policy = load(out / "policy.npz")
+    policy = load_policy(out / "policy.npz")
     assert policy.about["seed"] == 2
     assert policy.about["recipe"]["env_kwargs"] == {
         "episode_s": 10.0, "observer": "luenberger", "sensor_noise": 0.5,

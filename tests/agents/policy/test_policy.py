@@ -118,13 +118,13 @@ def test_a_policy_that_is_not_deterministic_tries_about_its_answers(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     policy, tried = Policy(network(), ABOUT), []
-    command = policy.adapter.command
+    command = policy.adapter.set_points
 
     def noting(answer: Any, *rest: Any) -> Any:
         tried.append(answer[0])
         return command(answer, *rest)
 
-    monkeypatch.setattr(policy.adapter, "command", noting)
+    monkeypatch.setattr(policy.adapter, "set_points", noting)
     row = np.asarray([[8.0, 10.0, 1e5, 1.2, 20.0, 8.1, 7.0, 1.0]], np.float32)
     for _ in range(400):
         policy.predict(row, deterministic=False)
