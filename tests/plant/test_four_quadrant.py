@@ -65,6 +65,10 @@ def test_loads_have_the_slope_over_pitch_and_none_outside() -> None:
     rise = fourier_sum(1.0, 0.5, 1.0)[0] - fourier_sum(0.8, 0.5, 1.0)[0]
     assert slope(0.9) == pytest.approx(rise / 0.2, rel=1e-9)
     assert slope(0.4) == slope(1.5) == 0.0
+    # at the outer nodes it is that of the range: the frigate's blades stand at 1.4
+    for low, high, node in ((1.2, 1.4, 1.4), (0.5, 0.6, 0.5)):
+        rise = fourier_sum(high, 0.5, 1.0)[0] - fourier_sum(low, 0.5, 1.0)[0]
+        assert slope(node) == pytest.approx(rise / (high - low), rel=1e-9)
 
 
 def loads(plant: Any, velocity: float, omega: float, pitch: float) -> Any:

@@ -179,9 +179,48 @@ def test_time_step_must_resolve_the_armature() -> None:
     tug.with_values({"integration.time_step_s": 0.99 * constant})
     with pytest.raises(ShipError, match=r"integration\.time_step_s .* L/R = 0\.000399 s"):
         tug.with_values({"integration.time_step_s": 1.01 * constant})
+    keys = ("prime_mover.armature_inductance_H", "prime_mover.armature_resistance_ohm",
+            "integration.time_step_s")  # fmt: skip
+    at = tug.with_values(dict(zip(keys, (0.5, 64.0, 0.5 / 64.0), strict=True)))
+    assert at.time_step_s == 0.0078125
 
 
 def test_motor_without_inductance_takes_any_step() -> None:
     tug = load_ship("tito-neri-sine")
     values = {"prime_mover.armature_inductance_H": 0.0, "integration.time_step_s": 0.01}
     assert tug.with_values(values).time_step_s == 0.01
+
+
+TERMS = [
+    {"id": "first", "acts_on": "thrust", "expression": "k", "parameters": {"k": 1.0}},
+    {"id": "second", "acts_on": "load_torque", "expression": "j * k",
+     "parameters": {"j": 2.0, "k": {"value": 3.0, "unit": "N m", "low": 0.0, "high": 9.0}}},
+]  # fmt: skip
+
+
+def test_a_terms_number_is_found_by_term_and_name(frigate: Ship) -> None:
+    ship = frigate.with_values({"term": TERMS})
+    found = ship.number("term.second.k")
+    assert (found.value, found.place, found.field) == (3.0, (1, 1), "term_constants")
+    assert found.info == ("N m", 0.0, 9.0, None)
+    assert ship.number("term.first.k").place == (0, 0)
+    for key in ("term.first.j", "term.third.k", "term.second", "term"):
+        with pytest.raises(ShipError, match=f"{key} is not a known key"):
+            ship.number(key)
+
+
+def test_a_terms_number_is_changed_by_its_key(frigate: Ship) -> None:
+    ship = frigate.with_values({"term": TERMS})
+    changed = ship.with_values({"term.second.k": 4.0})
+    assert [p.value for term in changed.term for p in term.parameters.values()] == [1.0, 2.0, 4.0]
+    assert changed.term[1].parameters["k"].high == 9.0
+    with pytest.raises(ShipError, match="outside 0 to 9"):
+        ship.with_values({"term.second.k": 10.0})
+
+
+def test_a_ship_takes_one_term_more(frigate: Ship) -> None:
+    both = frigate.with_values({"term": TERMS})
+    assert frigate.with_term(both.term[0]).with_term(both.term[1]) == both
+    with pytest.raises(ShipError, match="term 'first' stands twice"):
+        both.with_term(both.term[0])
+    assert both.record()["term_count"] == 2

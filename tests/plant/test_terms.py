@@ -186,6 +186,7 @@ def test_a_linear_model_knows_the_terms(frigate: Ship) -> None:
         ("+".join(["shaft_speed"] * 40), "79 operations; at most 64"),
         ("+".join(["1"] * 25), "25 numbers; at most 24"),
         ("1+(" * 12 + "drive" + ")" * 12, "13 steps of depth; at most 12"),
+        ("max(1, " * 12 + "drive" + ")" * 12, "13 steps of depth; at most 12"),
         ("(" * 3000 + "1" + ")" * 3000, "no expression"),
     ],
 )  # fmt: skip
