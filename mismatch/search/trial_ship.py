@@ -118,10 +118,10 @@ class TrialShip:
 
 
 def scales(balances: Balances) -> Mapping[str, float]:
-    """What the probes of the catalogue are counted in, by name: rms, mean or top of a nominal simulation.
+    """What the catalogue's probes are counted in, by name: rms, mean or top of a nominal simulation.
 
-    Torques [N m] and force [N] are those of the propeller and the resistance, ``drive`` is in the unit of
-    the prime mover's demand, ``sigma_top`` is the cavitation number at the highest shaft speed.
+    Torque [N m] and force [N] are those of the propeller and the resistance, ``drive`` is in the unit
+    of the prime mover's demand, ``sigma_top`` is the cavitation number at the highest shaft speed.
     """
     samples, plant = balances.nominal_samples, balances.plant
     omega = np.abs(samples["shaft_speed"])
