@@ -27,10 +27,8 @@ class Parameter:
     Args:
         key: dotted key of the ship's file.
         probes: values at which the effect is first tried, in ``of``.
-        of: what a probe of 1 is worth: ``unit`` (the key's own unit), or a mean of the nominal
-            simulation: ``torque`` [N m], ``brake_torque`` [N m], ``force`` [N], ``shaft_speed`` [rad/s],
-            ``engine_speed`` [rad/s], ``drive`` (of the prime mover), or a combination of two such as
-            ``torque/shaft_speed``.
+        of: what a probe of 1 is worth: ``unit`` (one of the key's own unit), or a name among those of
+            :func:`.trial_ship.scales`, such as ``torque`` or ``torque/shaft_speed``.
         signed: whether the negative probes are tried too.
         absolute: the probes are values of the key, not deviations from its neutral value.
         term: of which it is a number, where the effect is a term of the ship and not a key of its own.

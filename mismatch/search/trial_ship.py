@@ -30,13 +30,13 @@ class TrialShip:
     def __init__(self, balances: Balances) -> None:
         self.ship: Ship = balances.replay.ship
         self.nominal = self.ship.record()
-        self._means = _means(balances)
+        self._scales = scales(balances)
 
     def settings(self, placed: Placed) -> dict[str, float]:
         """Dotted keys of the ship's file and their values."""
         found = {parameter.key: value for parameter, value in placed.pairs}
         for key, of in placed.effect.fixed:
-            found[key] = self._means[of]
+            found[key] = self._scales[of]
         for key, of, factor in placed.effect.ties:
             found[key] = found[of] * factor
         if placed.window is not None:
@@ -94,7 +94,7 @@ class TrialShip:
         """Values at which a parameter is first tried, inside its bounds."""
         low, high = self.range_of(parameter)
         start = self.origin(parameter)
-        steps = [p * self._means[parameter.of] for p in parameter.probes]
+        steps = [p * self._scales[parameter.of] for p in parameter.probes]
         if parameter.signed:
             steps = [-s for s in reversed(steps)] + steps
         return [start + s for s in steps if low <= start + s <= high]
@@ -117,8 +117,12 @@ class TrialShip:
                 yield Placed(effect, values, window)
 
 
-def _means(balances: Balances) -> Mapping[str, float]:
-    """What the references of the catalogue's probes are worth in a nominal simulation."""
+def scales(balances: Balances) -> Mapping[str, float]:
+    """What the catalogue's probes are counted in, by name: rms, mean or top of a nominal simulation.
+
+    Torque [N m] and force [N] are those of the propeller and the resistance, ``drive`` is in the unit
+    of the prime mover's demand, ``sigma_top`` is the cavitation number at the highest shaft speed.
+    """
     samples, plant = balances.nominal_samples, balances.plant
     omega = np.abs(samples["shaft_speed"])
     gear = float(plant["gear_ratio"])
@@ -129,7 +133,7 @@ def _means(balances: Balances) -> Mapping[str, float]:
     torque, shaft = typical(samples["propeller_torque"]), typical(omega)
     drive = balances.replay.drive_rows
     number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
-    found = {
+    return {
         "unit": 1.0,
         "torque": torque,
         "torque/shaft_speed": torque / shaft,
@@ -147,4 +151,3 @@ def _means(balances: Balances) -> Mapping[str, float]:
         + 0.1 * float(plant["inertia_engine_side"]),
         "sigma_top": float(number),
     }
-    return found

@@ -176,6 +176,13 @@ def test_a_size_counts_from_the_ship_s_own_value() -> None:
     assert friction.neutral == 2000.0
 
 
+def test_a_size_counts_on_either_side() -> None:
+    fit = fitter({FOULING: -0.2})
+    ((fouling,),) = fit.estimates(fit.fitted((foul(-0.2),)), 0.04)
+    assert fouling.form_error == pytest.approx(0.04 * 0.2)
+    assert fouling.standard_error > 0.0
+
+
 def test_no_effects_have_no_estimates() -> None:
     fit = fitter({})
     assert fit.estimates(fit.null) == []

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from shaftline.mismatch import catalogue
 from shaftline.mismatch.search.placed import Placed
-from shaftline.mismatch.search.trial_ship import TrialShip
+from shaftline.mismatch.search.trial_ship import TrialShip, scales
 from shaftline.plant import load_ship
 
 from ..toy import FRICTION, SPEED, Toy, entry, white
@@ -79,6 +81,8 @@ def test_probes_are_scaled_by_the_nominal_voyage(trial_ship: TrialShip, toy: Any
     rms = float(np.sqrt(np.mean(SPEED**2)))
     viscous = entry("viscous-friction (engine)").parameters[0]
     assert trial_ship.probes(viscous) == pytest.approx([2e5 / rms * p for p in viscous.probes])
+    drag = entry("quadratic-drag (motor)").parameters[0]
+    assert trial_ship.probes(drag) == pytest.approx([2e5 / rms**2 * p for p in drag.probes])
     bend, bend_at = entry("engine-torque-curvature (engine)").parameters
     engine = 7.38 * float(np.mean(SPEED))
     assert trial_ship.probes(bend_at) == pytest.approx([p * engine for p in bend_at.probes])
@@ -127,3 +131,46 @@ def test_the_smallest_trials_are_those_nearest_to_none(trial_ship: TrialShip) ->
     (drift,) = trial_ship.smallest(current, [])
     assert drift.values[0] == min(p for p in trial_ship.probes(current.parameters[0]) if p > 0.0)
     assert len(list(trial_ship.smallest(EPISODE, [(0.0, 50.0), (50.0, 90.0)]))) == 2
+
+
+def test_scales_are_those_of_the_nominal_voyage(toy: Any) -> None:
+    found = scales(toy)
+    drive, rms = toy.drive_rows, float(np.sqrt(np.mean(SPEED**2)))
+    turns = float(SPEED.max()) / (2.0 * math.pi)
+    water, screw = toy.ship.water, toy.ship.propeller
+    pressure = 101325.0 - 1671.0 + water.density_kg_m3 * 9.81 * screw.depth_m
+    line = toy.ship.transmission
+    assert found == pytest.approx(
+        {
+            "unit": 1.0,
+            "torque": 2e5,
+            "torque/shaft_speed": 2e5 / rms,
+            "torque/shaft_speed/shaft_speed": 2e5 / rms**2,
+            "brake_torque/engine_speed/engine_speed": 3e4 / (7.38 * rms) ** 2,
+            "force": 1.5e5,
+            "shaft_speed": rms,
+            "engine_speed": 7.38 * float(SPEED.mean()),
+            "ship_speed": 7.0,
+            "drive": float(np.sqrt(np.mean(drive**2))),
+            "drive_top": float(drive.max()),
+            "current_top": 0.0,
+            "inertia": line.inertia_propeller_side_kg_m2 + 0.1 * line.inertia_engine_side_kg_m2,
+            "sigma_top": pressure / (0.5 * water.density_kg_m3 * (turns * screw.diameter_m) ** 2),
+        }
+    )
+    assert {p.of for effect in catalogue() for p in effect.parameters} <= set(found)
+
+
+def test_scales_have_no_sign_and_are_never_zero(toy: Any) -> None:
+    samples = toy.nominal_samples
+    astern: Any = SimpleNamespace(
+        nominal_samples=samples
+        | {"shaft_speed": -SPEED, "motor_current": np.array([-3.0, 2.0]), "propeller_torque": 0.0},
+        plant=toy.plant,
+        replay=SimpleNamespace(drive_rows=-toy.drive_rows),
+    )
+    found, ahead = scales(astern), scales(toy)
+    for name in ("shaft_speed", "engine_speed", "sigma_top", "drive", "drive_top"):
+        assert found[name] == pytest.approx(ahead[name])
+    assert found["current_top"] == 3.0
+    assert found["torque"] == 1e-9
