@@ -25,7 +25,7 @@ def cluster() -> Iterator[str]:
     """Address of a scheduler with two workers, processes of their own."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=False
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=False
     ) as local:
         yield local.scheduler_address
 
