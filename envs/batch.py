@@ -126,7 +126,7 @@ class Batch:
         # a record's field is no contiguous array, so its rows are laid over the records' memory
         offset = _FIELDS["observation"][1]
         return np.ndarray(
-            (self.n, len(OBSERVED)), np.float32, self.environments.data, offset,
+            (self.n, len(OBSERVED)), np.float32, self.environments.view(np.uint8), offset,
             (ENVIRONMENT.itemsize, 4),
         )  # fmt: skip
 
@@ -152,12 +152,13 @@ class Batch:
             rng: everything that is drawn comes from it.
             begin: from :meth:`begin`.
         """
-        task, episode, plant = self.task, self.arrays.episodes[i], self.arrays.plants[i]
-        self.arrays.plants[i] = self._plant
+        task, arrays = self.task, self.arrays
+        episode, plant = arrays.episodes[i], arrays.plants[i]
+        arrays.plants[i] = self._plant
         for number, width in self._varied:
             number.write(plant, number.value * rng.uniform(1.0 - width, 1.0 + width))
-        self.arrays.seas[i] = self._sea(rng, begin)
-        self.arrays.episodes[i] = np.zeros(1, EPISODE)[0]
+        arrays.seas[i] = self._sea(rng, begin)
+        arrays.episodes[i] = np.zeros(1, EPISODE)[0]
         episode["random"] = rng.integers(2**63, dtype=np.uint64)
         orders = rng.uniform(*task.speed_order_m_s, MAX_ORDERS)
         episode["orders"] = orders if begin.orders is None else begin.orders
@@ -184,7 +185,8 @@ class Batch:
 
     def _start(self, i: int, speed: float) -> None:
         """Put environment ``i`` where the ship, calm and at a speed [m/s], would be."""
-        arrays, episode, table = self.arrays, self.arrays.episodes[i], self.table
+        arrays, table = self.arrays, self.table
+        episode = arrays.episodes[i]
         known = table["ship_speed"]
 
         def at(name: str) -> float:

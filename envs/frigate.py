@@ -113,15 +113,16 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Hold an action over one control interval."""
         batch = self.batch
         batch.step(_checked(action, (2,))[None])
-        ended = int(batch.arrays.ended[0])
-        truncated = bool(batch.elapsed[0] >= batch.settings.intervals)
-        info: dict[str, Any] = dict(zip(TRUTHS, batch.arrays.truths[0].tolist(), strict=True))
-        info["reward_terms"] = dict(zip(TERMS, batch.arrays.terms[0].tolist(), strict=True))
+        env = batch.environments[0]
+        ended = int(env["ended"])
+        truncated = bool(env["episode"]["elapsed"] >= batch.settings.intervals)
+        info: dict[str, Any] = dict(zip(TRUTHS, env["truth"].tolist(), strict=True))
+        info["reward_terms"] = dict(zip(TERMS, env["terms"].tolist(), strict=True))
         if ended != RUNNING:
             info["ended"] = ENDINGS[ended]
         if self._dashboard is not None:
             self._dashboard.record()
-        reward = float(batch.arrays.rewards[0])
+        reward = float(env["reward"])
         return batch.observation[0].copy(), reward, ended != RUNNING, truncated, info
 
     def render(self) -> Any:
