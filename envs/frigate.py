@@ -41,9 +41,9 @@ def _checked(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     array = np.array(action, dtype=np.float32)
     if array.shape != shape:
         raise ValueError(f"action has shape {array.shape}, {shape} is needed")
-    if not np.all(np.isfinite(array)):
+    if not np.isfinite(array).all():
         raise ValueError(f"action {array.tolist()} holds a value that is not finite")
-    return np.clip(array, -1.0, 1.0)
+    return np.minimum(np.maximum(array, -1.0, out=array), 1.0, out=array)
 
 
 class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):

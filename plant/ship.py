@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from .actuators import PitchActuator
-from .drives import DcMotor, Diesel, Drive
+from .drives import Diesel, Drive
 from .hull import Hull
 from .keys import KeyInfo, Number, Section, info_of, record_field
 from .memory import HISTORY, Sensors
@@ -51,9 +51,7 @@ class Ship(Section):
         step = self.integration.time_step_s
         longest = step * (HISTORY - 2)
         delays = {"sensors.torque_delay_s": self.sensors.torque_delay_s}
-        if isinstance(self.prime_mover, Diesel):
-            delays["prime_mover.dead_time_s"] = self.prime_mover.dead_time_s
-        for key, delay in delays.items():
+        for key, delay in (delays | self.prime_mover.delays).items():
             if delay > longest:
                 raise ValueError(
                     f"{key} = {delay} s is more than {longest:.4g} s, "
@@ -67,14 +65,11 @@ class Ship(Section):
             raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
         if lacking == "pitch-actuator" and not self.has_variable_pitch:
             raise ValueError("unexplained.balance = 'pitch-actuator' asks for a variable pitch")
-        motor = self.prime_mover
-        if isinstance(motor, DcMotor) and motor.armature_inductance_H > 0.0:
-            constant = motor.armature_inductance_H / motor.armature_resistance_ohm
-            if step > constant:
-                raise ValueError(
-                    f"integration.time_step_s = {step} s must not exceed the armature's time "
-                    f"constant L/R = {constant:.3g} s"
-                )
+        what, constant = self.prime_mover.time_constant
+        if step > constant:
+            raise ValueError(
+                f"integration.time_step_s = {step} s must not exceed {what} = {constant:.3g} s"
+            )
         return self
 
     @property
@@ -122,7 +117,7 @@ class Ship(Section):
     @property
     def has_voltage(self) -> bool:
         """Whether a motor drives it to which a voltage is applied."""
-        return isinstance(self.prime_mover, DcMotor)
+        return self.prime_mover.demand.unit == "V"
 
     @property
     def has_variable_pitch(self) -> bool:

@@ -69,30 +69,20 @@ def test_a_recipe_asks_for_no_more_places_than_the_house_allows(recipe: str) -> 
     assert len(RECIPES[recipe]["places"]) <= MOST[recipe]
 
 
-ONLY = {
-    "drive-DcMotor": "plant/ship.py asks for the class, mismatch/report/regimes.py for the type's unit",
-}
-"""Where one place more has to be touched today, and why."""
+EACH = pytest.mark.parametrize(
+    ("recipe", "example"),
+    [pytest.param(*known, id=f"{known[0]}-{known[1]['words'][0]}") for known in EXAMPLES],
+)
 
 
-def each(known: dict[str, str]) -> Any:
-    """Every example of every recipe; those that are known not to hold yet are marked so."""
-    marked = []
-    for recipe, example in EXAMPLES:
-        name = f"{recipe}-{example['words'][0]}"
-        marks = [pytest.mark.xfail(reason=known[name], strict=True)] if name in known else []
-        marked.append(pytest.param(recipe, example, id=name, marks=marks))
-    return pytest.mark.parametrize(("recipe", "example"), marked)
-
-
-@each({})
+@EACH
 def test_every_place_is_needed(recipe: str, example: dict[str, Any]) -> None:
     for place in places(recipe, example):
         text = (ROOT / place).read_text(encoding="utf-8")
         assert any(word in text for word in example["words"]), f"{place} has nothing to do with it"
 
 
-@each(ONLY)
+@EACH
 def test_no_other_place_is_touched(recipe: str, example: dict[str, Any]) -> None:
     named = {ROOT / place for place in places(recipe, example)}
     for room in PRODUCT:

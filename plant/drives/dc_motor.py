@@ -7,12 +7,12 @@ from typing import Any, ClassVar, Literal
 
 from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
-from ..keys import INF, Section, effect, number
+from ..keys import INF, effect, number
 from ..signals import Signal
-from .two_way import fill_two_way
+from .prime_mover import PrimeMover, fill_two_way
 
 
-class DcMotor(Section):
+class DcMotor(PrimeMover):
     """Direct-current motor driven by a voltage."""
 
     type: Literal["dc-motor"]
@@ -54,6 +54,13 @@ class DcMotor(Section):
         INF, "highest current that the supply gives, either way", "A",
         record="supply_current_limit", gt=0,
     )  # fmt: skip
+
+    @property
+    def time_constant(self) -> tuple[str, float]:
+        """L/R of the armature [s]; none where the current follows at once."""
+        if self.armature_inductance_H == 0.0:
+            return super().time_constant
+        return "the armature's L/R", self.armature_inductance_H / self.armature_resistance_ohm
 
     def fill(self, record: Any) -> None:
         """Its numbers; demands go either way, and have no rack."""

@@ -10,8 +10,9 @@ from pydantic import Field, model_validator
 
 from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
-from ..keys import INF, Section, effect, number, require
+from ..keys import INF, effect, number, require
 from ..signals import Signal
+from .prime_mover import PrimeMover
 
 
 def _coefficient(term: str, neutral: float, *, record: str) -> Any:
@@ -19,7 +20,7 @@ def _coefficient(term: str, neutral: float, *, record: str) -> Any:
     return number(f"of {term} in the fuel surface", record=record, ge=-100, le=100, default=neutral)
 
 
-class Diesel(Section):
+class Diesel(PrimeMover):
     """Diesel engine by its fuel rack map M_b = a omega_e + b X + c."""
 
     type: Literal["diesel"]
@@ -101,6 +102,11 @@ class Diesel(Section):
         if self.speed_min_rpm >= self.speed_max_rpm:
             raise ValueError("speed_min_rpm must be below speed_max_rpm")
         return self
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Of its rack's demand [s]."""
+        return {"prime_mover.dead_time_s": self.dead_time_s}
 
     def fill(self, record: Any) -> None:
         """Its numbers, and its speeds in rad/s."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
-from ..keys import Section, number
+from ..keys import number
 from ..signals import Signal
-from .two_way import fill_two_way
+from .prime_mover import PrimeMover, fill_two_way
 
 
-class TorqueSource(Section):
+class TorqueSource(PrimeMover):
     """Drive that delivers the torque that it is told."""
 
     type: Literal["torque-command"]

@@ -1,13 +1,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
 
 from shaftline.plant import Schedule, Ship, equilibrium, load_ship, simulate
 from shaftline.plant.drives.torque_source import TorqueSource
-from shaftline.plant.drives.two_way import fill_two_way
 
 
 @pytest.fixture(scope="module")
@@ -22,12 +20,6 @@ def test_record_has_end_stops_either_way_and_no_rack(tug: Ship) -> None:
     assert (plant["drive_min"], plant["drive_max"]) == (-0.2, 0.2)
     assert plant["rack_rate_limit"] == math.inf
     assert plant["prime_mover"] == TorqueSource.code == 2
-
-
-def test_end_stops_are_alike() -> None:
-    record: dict[str, Any] = {"drive_max": 3.0}
-    fill_two_way(record)
-    assert record == {"drive_max": 3.0, "drive_min": -3.0, "rack_rate_limit": math.inf}
 
 
 def test_it_is_driven_by_a_torque() -> None:

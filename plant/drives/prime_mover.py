@@ -1,0 +1,36 @@
+"""What every prime mover says of itself, and what those have in common whose demand goes either way."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+from ..keys import INF, Section
+from ..signals import Signal
+
+
+class PrimeMover(Section):
+    """Section of a prime mover in a ship's file."""
+
+    code: ClassVar[int]
+    """Its number in ``plant.prime_mover``."""
+    balance: ClassVar[str]
+    """Balance in which its own effects act: ``engine`` or ``motor``."""
+    demand: ClassVar[Signal]
+    """What commands it."""
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Dead times [s] by key, each a history that the plant keeps."""
+        return {}
+
+    @property
+    def time_constant(self) -> tuple[str, float]:
+        """Name and size [s] of its shortest time constant, which a time step must not exceed."""
+        return "", math.inf
+
+
+def fill_two_way(record: Any) -> None:
+    """End stops alike in both directions, and no rack that travels."""
+    record["drive_min"] = -record["drive_max"]
+    record["rack_rate_limit"] = INF

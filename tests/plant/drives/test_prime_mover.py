@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from shaftline.plant import load_ship
+from shaftline.plant.drives.prime_mover import fill_two_way
+
+
+def test_end_stops_of_a_demand_either_way_are_alike() -> None:
+    record: dict[str, Any] = {"drive_max": 3.0}
+    fill_two_way(record)
+    assert record == {"drive_max": 3.0, "drive_min": -3.0, "rack_rate_limit": math.inf}
+
+
+def test_each_says_what_is_applied_to_it() -> None:
+    ships = {name: load_ship(name) for name in ("frigate", "rov-thruster")}
+    assert [ship.has_voltage for ship in ships.values()] == [False, True]
+    assert [ship.has_diesel for ship in ships.values()] == [True, False]
+
+
+def test_only_a_diesel_has_a_dead_time() -> None:
+    slow = load_ship("frigate").with_values({"prime_mover.dead_time_s": 0.3})
+    assert slow.prime_mover.delays == {"prime_mover.dead_time_s": 0.3}
+    assert load_ship("rov-thruster").prime_mover.delays == {}
+
+
+def test_only_an_armature_with_inductance_bounds_the_time_step() -> None:
+    assert load_ship("frigate").prime_mover.time_constant[1] == math.inf
+    bare = load_ship("rov-thruster").with_values({"prime_mover.armature_inductance_H": 0.0})
+    assert bare.prime_mover.time_constant[1] == math.inf
+    coil = bare.with_values({
+        "prime_mover.armature_inductance_H": 0.02,
+        "prime_mover.armature_resistance_ohm": 4.0,
+        "integration.time_step_s": 0.004,
+    })  # fmt: skip
+    assert math.isclose(coil.prime_mover.time_constant[1], 0.005)
