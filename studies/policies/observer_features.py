@@ -69,37 +69,36 @@ def recovered(none: Any, estimate: Any, oracle: Any, draws: int = 2000) -> tuple
         oracle: with the true advance velocity.
         draws: of the bootstrap.
     """
-    rng = np.random.default_rng(0)
     scores = [np.asarray(x, dtype=np.float64) for x in (none, estimate, oracle)]
-
-    def share(rows: list[Any]) -> float:
-        low, middle, high = (
-            float(interquartile_mean(s[r].ravel())) for s, r in zip(scores, rows, strict=True)
-        )
-        return (middle - low) / (high - low) if high != low else float("nan")
-
-    count = len(scores[0])
-    whole = share([np.arange(count)] * 3)
-    drawn = [share([rng.integers(count, size=count) for _ in range(3)]) for _ in range(draws)]
-    low, high = np.nanquantile(drawn, [0.025, 0.975])
-    return whole, float(low), float(high)
+    rows = _resampled(len(scores[0]), 3, draws)
+    low, middle, high = (_middle(s[rows[:, i]]) for i, s in enumerate(scores))
+    span = np.where(high != low, high - low, np.nan)
+    share = (middle - low) / span
+    return float(share[0]), *_interval(share[1:])
 
 
 def difference(first: Any, second: Any, draws: int = 2000) -> tuple[float, float, float]:
     """Interquartile mean of first minus second; its 95 % bootstrap interval over training seeds."""
-    rng = np.random.default_rng(0)
     a, b = (np.asarray(x, dtype=np.float64) for x in (first, second))
+    rows = _resampled(len(a), 2, draws)
+    between = _middle(a[rows[:, 0]]) - _middle(b[rows[:, 1]])
+    return float(between[0]), *_interval(between[1:])
 
-    def between(rows: Any, others: Any) -> float:
-        return float(interquartile_mean(a[rows].ravel()) - interquartile_mean(b[others].ravel()))
 
-    count = len(a)
-    drawn = [
-        between(rng.integers(count, size=count), rng.integers(count, size=count))
-        for _ in range(draws)
-    ]
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return between(np.arange(count), np.arange(count)), float(low), float(high)
+def _resampled(count: int, of: int, draws: int) -> Any:
+    """Rows of a bootstrap for each of several samples, the whole ones first: (1 + draws, of, count)."""
+    drawn = np.random.default_rng(0).integers(count, size=(draws, of, count))
+    return np.concatenate([np.broadcast_to(np.arange(count), (1, of, count)), drawn])
+
+
+def _middle(samples: Any) -> Any:
+    """Interquartile mean of each sample's scores, shape (samples, seeds, episodes)."""
+    return interquartile_mean(samples.reshape(len(samples), -1))
+
+
+def _interval(drawn: Any) -> tuple[float, float]:
+    low, high = np.nanquantile(drawn, [0.025, 0.975])
+    return float(low), float(high)
 
 
 def _tables(found: dict[Cell, Any], seeds: int) -> tuple[pd.DataFrame, pd.DataFrame]:

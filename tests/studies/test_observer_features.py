@@ -37,16 +37,14 @@ def test_a_difference_is_judged_by_the_training_seeds() -> None:
 def test_page_and_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from ..agents import tiny
 
-    monkeypatch.setattr(observer_features, "OBSERVERS", ("none", "power-balance", "oracle"))
+    monkeypatch.setattr(observer_features, "OBSERVERS", ("none", "oracle"))
     changes = {"n_envs": 4, "n_timesteps": 128, "legs": 1, "hyperparameters": tiny.PPO}
     page = observer_features.study(
         tmp_path / "out", tmp_path / "work", "transit", 2, 3, changes, 1, "the command"
     )
     table = pd.read_csv(tmp_path / "out" / "observers.csv")
     assert set(zip(table["instruments"], table["observer"], strict=True)) == {
-        (noise, observer)
-        for noise in ("clean", "noisy")
-        for observer in ("none", "power-balance", "oracle")
+        (noise, observer) for noise in ("clean", "noisy") for observer in ("none", "oracle")
     }
     assert np.isfinite(table[["reward", "gain over none", "fuel_kg_nmi"]]).all(axis=None)
     assert (table.loc[table["observer"] == "none", "gain over none"] == 0.0).all()

@@ -86,6 +86,12 @@ ON_THE_TUG: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
+@pytest.fixture(autouse=True)
+def one_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One effect is concealed and one looked for; that no second is invented is the pipeline's test."""
+    monkeypatch.setattr("shaftline.mismatch.search.selection.MOST_EFFECTS", 1)
+
+
 def _named(diagnosis: Diagnosis, effect: str, balance: str) -> None:
     assert diagnosis.verdict == "explained"
     first = diagnosis.findings[0]
