@@ -94,9 +94,11 @@ def test_engine_stays_within_its_envelope(controller: AntiSpin, frigate: Ship) -
     assert state["error_integral"][0] == 0.0
 
 
-def test_only_diesel_ships_are_taken() -> None:
+def test_only_diesel_ships_with_a_b_series_propeller_are_taken(frigate: Ship) -> None:
     with pytest.raises(ValueError, match="diesel"):
         AntiSpin(load_ship("tito-neri-sine"))
+    with pytest.raises(ValueError, match="B-series"):
+        AntiSpin(frigate.with_values({"propeller.model": "four-quadrant"}))
 
 
 # parts

@@ -209,6 +209,14 @@ def digest(*places: str) -> str:
     return source_digest(*places)
 
 
+def test_the_digest_does_not_hang_on_the_order_of_a_folders_files(
+    house: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual, listed = digest("plant"), Path.rglob
+    monkeypatch.setattr(Path, "rglob", lambda *of: reversed(list(listed(*of))))
+    assert digest("plant") == usual
+
+
 def test_the_digest_tells_folders_and_files_apart(house: Path) -> None:
     found = {digest(*p) for p in (("plant",), ("envs",), ("plant", "envs"), ("plant/a.py",))}
     assert len(found) == 4

@@ -104,6 +104,12 @@ def test_observation_follows_the_plant_within_its_noise() -> None:
     )
 
 
+def test_a_single_environment_draws_where_asked_and_a_vector_has_one_by_default() -> None:
+    assert FrigateEnv(render_mode="rgb_array").render_mode == "rgb_array"
+    assert FrigateEnv().render_mode is None
+    assert FrigateVectorEnv().num_envs == 1
+
+
 def test_bounds_are_the_registrys() -> None:
     space = FrigateEnv().observation_space
     assert isinstance(space, gymnasium.spaces.Box)

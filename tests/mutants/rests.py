@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import TypeAlias
 
 PACKAGE = "shaftline"
+DISCOVERY = "classes_in"
 
 Name: TypeAlias = tuple[str, str]
 """A file below the root, and a name that it defines at its top."""
@@ -91,9 +92,14 @@ class Rests:
                 for one in names.get(other, ()) if name == "*" else (name,):
                     self.speakers.setdefault((other, one), set()).add((file, here))
             for statement in _tree(root, file).body:
-                for name in spoken_of(statement, own | {*taken}) & (own | {*taken}):
-                    speakers = {(file, speaker) for speaker in defined(statement)}
-                    self.speakers.setdefault((file, name), set()).update(speakers)
+                speakers = {(file, speaker) for speaker in defined(statement)}
+                spoken = spoken_of(statement, own | {*taken})
+                heard = {(file, name) for name in spoken & (own | {*taken})}
+                if DISCOVERY in spoken:  # takes classes from the whole folder without naming them
+                    beside = {f for f in names if Path(f).parent == Path(file).parent} - {file}
+                    heard |= {(other, name) for other in beside for name in names[other]}
+                for name_heard in heard:
+                    self.speakers.setdefault(name_heard, set()).update(speakers)
 
     def on(self, file: str, line: int) -> set[Name]:
         """All that rests on the definition at a line of a file, itself among it."""

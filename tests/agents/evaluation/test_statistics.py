@@ -14,6 +14,8 @@ def test_interquartile_mean_leaves_the_outer_quarters_out() -> None:
     assert interquartile_mean([100.0, 0.0, 3.0, 1.0]) == 2.0
     assert interquartile_mean([9.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 99.0]) == 4.5
     assert interquartile_mean([1.0, 2.0, 6.0]) == 3.0  # no quarter to leave out
+    squares = np.arange(40.0) ** 2
+    assert interquartile_mean(squares) == squares[10:30].mean()
     table = np.array([[0.0, 1.0, 3.0, 100.0], [5.0, 5.0, 7.0, -9.0]])
     assert interquartile_mean(table).tolist() == [2.0, 5.0]
     assert interquartile_mean(table.T, axis=0).tolist() == [2.0, 5.0]

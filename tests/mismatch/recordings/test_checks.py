@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pandas as pd
@@ -94,6 +95,8 @@ def test_short_and_dull_are_limits_not_errors(load: Load, frigate: Ship) -> None
         table[column] = value + rms * rng.standard_normal(100)
     limits = load(table).limits
     assert any(sentence.startswith("too short: 100 rows") for sentence in limits)
-    assert any("hull's time constant" in sentence for sentence in limits)
+    (hull,) = (sentence for sentence in limits if "hull's time constant" in sentence)
+    of_it, needed = (float(number) for number in re.findall(r"([\d.]+) s\b", hull)[-2:])
+    assert needed == pytest.approx(3.0 * of_it, rel=0.02)
     for column in COLUMNS:
         assert any(sentence.startswith(f"dull: {column} moves") for sentence in limits), column

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pandas as pd
 import pytest
 
-from shaftline.plant import RecordingError
+from shaftline.mismatch.recordings.slips import top_speed
+from shaftline.plant import RecordingError, load_ship
 
 from .conftest import Load
 
@@ -13,3 +16,12 @@ from .conftest import Load
 def test_demand_beyond_the_stop_is_refused(load: Load, calm: pd.DataFrame) -> None:
     with pytest.raises(RecordingError, match=r"fuel_rack_mm, row 1: 190 mm .* takes 0 to 40 mm"):
         load(calm.assign(fuel_rack_mm=190.0))
+
+
+def test_no_shaft_turns_three_times_as_fast_as_it_can() -> None:
+    frigate, rov = load_ship("frigate"), load_ship("rov-thruster")
+    rated = frigate.diesel.speed_max_rpm * math.pi / 30.0 / frigate.transmission.gear_ratio
+    assert top_speed(frigate) == pytest.approx(3.0 * rated)
+    volt, constant = (rov.number(f"prime_mover.{key}").value
+                      for key in ("voltage_max_V", "motor_constant_V_s_rad"))  # fmt: skip
+    assert top_speed(rov) == pytest.approx(3.0 * volt / constant / rov.transmission.gear_ratio)
