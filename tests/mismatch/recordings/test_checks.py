@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.plant import RecordingError, Ship, equilibrium
+from shaftline.mismatch.recordings.checks import dull, pitch_swapped
+from shaftline.plant import RecordingError, Ship, equilibrium, load_ship
 
 from .conftest import Load
 from .trials import COLUMNS, NOISE, voyage
@@ -100,3 +101,19 @@ def test_short_and_dull_are_limits_not_errors(load: Load, frigate: Ship) -> None
     assert needed == pytest.approx(3.0 * of_it, rel=0.02)
     for column in COLUMNS:
         assert any(sentence.startswith(f"dull: {column} moves") for sentence in limits), column
+
+
+def test_the_range_of_a_demand_either_way_is_both_ways() -> None:
+    rov = load_ship("rov-thruster")
+    top = rov.number("prime_mover.voltage_max_V").value
+    volts = 0.04 * top * np.linspace(-1.0, 1.0, 4001)  # the middle 95 % of 4 % of its range
+    table = pd.DataFrame({"motor_voltage_V": volts})
+    (said,) = dull(table, rov, {})
+    assert said.endswith("3.8% of its range")
+
+
+def test_a_pitch_that_leads_its_command_is_swapped(frigate: Ship) -> None:
+    table = voyage(frigate)
+    assert not pitch_swapped(table, 0.1, frigate)
+    names = {"pitch_ratio": "pitch_ratio_command", "pitch_ratio_command": "pitch_ratio"}
+    assert pitch_swapped(table.rename(columns=names), 0.1, frigate)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.slips import top_speed
+from shaftline.mismatch.recordings.slips import _possible, top_speed
 from shaftline.plant import RecordingError, load_ship
 
 from .conftest import Load
@@ -25,3 +26,11 @@ def test_no_shaft_turns_three_times_as_fast_as_it_can() -> None:
     volt, constant = (rov.number(f"prime_mover.{key}").value
                       for key in ("voltage_max_V", "motor_constant_V_s_rad"))  # fmt: skip
     assert top_speed(rov) == pytest.approx(3.0 * volt / constant / rov.transmission.gear_ratio)
+
+
+def test_a_demand_is_possible_inside_its_stops_and_where_it_reaches_far_enough() -> None:
+    assert _possible(np.full(50, 1.0), 0.0, 40.0)
+    assert not _possible(np.full(50, 1.0), 0.0, 40.0, 0.1)
+    assert _possible(np.full(50, 4.0), 0.0, 40.0, 0.1)
+    assert not _possible(np.full(50, 41.0), 0.0, 40.0)
+    assert not _possible(np.full(50, -1.0), 0.0, 40.0)

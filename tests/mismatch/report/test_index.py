@@ -71,6 +71,8 @@ def test_the_worst_stands_first(index: DiagnosisIndex) -> None:
     assert list(index.table.columns) == list(INDEX_COLUMNS)
     assert list(index.diagnosed["recording"]) == order[:4]
     assert list(index.failed["recording"]) == order[4:]
+    gained = [row("a.csv", "explained", 5.0), row("z.csv", "explained", 9.0)]
+    assert list(DiagnosisIndex.of(gained).table["recording"]) == ["z.csv", "a.csv"]
 
 
 def test_a_summary_tells_findings_and_failures(index: DiagnosisIndex) -> None:

@@ -197,6 +197,7 @@ excitation = "several ship speeds"
 def test_an_entry_may_be_a_term(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Physics that no code knows: the entry alone, concealed in a voyage and found again."""
     (own,) = entries_of(WAVE_MAKING)
+    assert not own.parameters[0].signed  # what is left out
     frigate = load_ship("frigate")
     assert own.on(own.on(frigate)) == own.on(frigate)
     assert simulated(own.on(frigate)).equals(simulated(frigate))
