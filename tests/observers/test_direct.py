@@ -21,3 +21,5 @@ def test_oracle_is_the_truth_and_holds_it_where_there_is_none() -> None:
     after = sampled(record, [(10.0, 1.4e5, 1.3, 0.0, truth) for truth in truths])
     assert [float(e["advance_velocity"]) for e in after] == [8.0, -3.0, -3.0, -3.0, 2.0]
     assert [int(e["valid"]) for e in after] == [1, 1, 0, 0, 1]
+    (blind,) = sampled(record, [(math.nan, math.nan, 1.3, math.nan, 8.0)])  # it reads no instrument
+    assert (blind["advance_velocity"], blind["valid"]) == (8.0, 1)

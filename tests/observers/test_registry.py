@@ -109,6 +109,12 @@ def test_an_implausible_reading_holds_the_estimate_and_starts_afresh(name: str) 
     assert update(record, estimate, Measurement(*lost)) == 3.0
 
 
+def test_an_update_gives_the_estimate_that_it_leaves() -> None:
+    record = get_observer("power-balance").discretise(SHIP, DT)
+    estimate = np.zeros(1, ESTIMATE)[0]
+    assert update(record, estimate, Measurement(*STEADY)) == estimate["advance_velocity"] > 1.0
+
+
 @pytest.mark.parametrize(("pitch", "valid"), [(1.49, 1), (1.51, 0)])
 def test_a_pitch_that_the_ship_does_not_have_is_not_trusted(pitch: float, valid: int) -> None:
     torque = Screw().torque(7.5, 10.0, pitch)
