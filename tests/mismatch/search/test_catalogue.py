@@ -155,6 +155,10 @@ def test_every_entry_is_concealed_by_a_test_here() -> None:
     assert {(e.id, e.balance) for e in catalogue()} == concealed
 
 
+def test_entries_cannot_change_and_serve_as_keys() -> None:
+    assert len({effect: effect.id for effect in catalogue()}) == len(catalogue())
+
+
 def test_entries_say_what_an_engineer_must_know() -> None:
     ids = {effect.id for effect in catalogue()}
     for effect in catalogue():
