@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from .sample import Mutant
 
-TARGETS = {"core": 0.95, "plant": 0.95}
+TARGETS = {"plant": 0.95}
 OTHERS = 0.85
 """Least share of the changes that tests notice."""
 
