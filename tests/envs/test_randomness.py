@@ -4,7 +4,7 @@ import numba
 import numpy as np
 from scipy import stats
 
-from shaftline.envs.randomness import normal
+from shaftline.envs.randomness import _bits, normal
 from shaftline.envs.records import EPISODE
 
 
@@ -42,3 +42,12 @@ def test_numbers_are_standard_normal_and_independent() -> None:
 def test_the_stream_follows_its_seed() -> None:
     assert np.array_equal(_numbers(7, 1000), _numbers(7, 1000))
     assert not np.array_equal(_numbers(7, 1000), _numbers(8, 1000))
+
+
+def test_the_bits_are_splitmix64s() -> None:
+    """The published sequence of seed 1234567 (Steele, Lea & Flood 2014, reference implementation)."""
+    episode = np.zeros(1, EPISODE)[0]
+    episode["random"] = 1234567
+    published = [6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431,
+                 16408922859458223821]  # fmt: skip
+    assert [int(_bits(episode)) for _ in published] == published
