@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from pydantic import Field
+from pydantic.fields import FieldInfo
 
 from .keys import Section
 
@@ -64,10 +65,12 @@ class Tolerances(Section):
         return hash((*self.model_dump(exclude={"numbers"}).values(), *self.numbers.items()))
 
 
-TOLERATED: dict[str, str] = {
-    key: name
-    for name, info in Tolerances.model_fields.items()
-    if isinstance(info.json_schema_extra, dict)
-    for key in info.json_schema_extra["of"]  # type: ignore[union-attr]
+def _spoken_of(info: FieldInfo) -> list[str]:
+    extra: Any = info.json_schema_extra
+    return list(extra["of"]) if extra else []
+
+
+TOLERATED = {
+    key: name for name, info in Tolerances.model_fields.items() for key in _spoken_of(info)
 }
 """Name of the tolerance that speaks of a number, by its dotted key."""

@@ -28,7 +28,7 @@ def told_by(balances: Balances, train: Segments) -> tuple[tuple[str, ...], dict[
     fitter = Fitter(balances, bands_of(balances, train), free=free.keys)
     search = OutputError(fitter, free)
     fit = fitter.scored(free.record(free.values))
-    columns = search.columns(free.values, fit)
+    columns = search.slopes(free.values, fit)
     # as sure as the recordings would be of the numbers if these explained what they can
     sizes = np.abs(np.array(free.values))[:, None, None]
     everything = Likelihood(fitter.bands, np.concatenate([columns * sizes, fitter.nuisance]))

@@ -70,6 +70,20 @@ class OutputError:
             self._sizes[i] = size
         return np.array(found)
 
+    def slopes(self, values: Sequence[float], fit: Fit) -> Any:
+        """The same over steps so small that nothing bends: what tells a ratio from two numbers."""
+        here = self.fitter.predicted(self.free.record(values))
+        found = self.columns(values, fit)
+        for i, value in enumerate(values):
+            moved = [*values]
+            moved[i] += 1e-5 * value
+            column = self.fitter.predicted(self.free.record(moved)) - here
+            if (
+                np.isfinite(column).all() and column.any()
+            ):  # else it has a dead zone here, or is at 0
+                found[i] = column / (1e-5 * value)
+        return found
+
     def _column(
         self, values: Sequence[float], here: Any, i: int, size: float, fit: Fit
     ) -> tuple[Any, float]:
@@ -100,11 +114,13 @@ class OutputError:
             self.tick("searching the numbers", count, MOST_STEPS)
             columns = self.columns(values, fit)
             if count == 0:
-                refuse_unidentifiable(self.free.keys, self._information(fit, columns))
+                refuse_unidentifiable(
+                    self.free.keys, self._information(fit, self.slopes(values, fit))
+                )
             step = self._step(values, fit, columns)
             share, better = 1.0, None
             while share > 1e-3:
-                trial = self.free.towards(values, np.asarray(values) + share * step)
+                trial = self.free.towards(values, list(np.asarray(values) + share * step))
                 found = self.scored(trial)
                 if found.score > fit.score:
                     better = (trial, found)
@@ -165,7 +181,7 @@ def output_error(fitter: Fitter, free: Free, tick: Tick = silent) -> Found:
     values, fit = search.search()
     covariance = search.covariance(values, fit)
     colour = Whiteness(fitter, fitter.balances.replay.noise_rms).colour(fit)
-    remarks = ()
+    remarks: tuple[str, ...] = ()
     if colour is not None:
         name = fitter.balances.names[colour.balance]
         remarks = (
