@@ -147,8 +147,16 @@ class OutputError:
         return np.asarray(found.shares[: len(reach)] * reach)
 
     def _information(self, fit: Fit, columns: Any) -> NDArray[np.float64]:
-        """Of the numbers and the tolerances together."""
-        return self.fitter.likelihood.information(fit.weight, columns)
+        """Of the numbers and the tolerances together.
+
+        A band's covariance is estimated from what is left itself. From n frequencies and for m
+        balances its inverse comes out too large by n / (n - m) on average (a complex Wishart
+        variable; Brillinger 1981, section 4.2), and weighing with an estimate costs as much again.
+        """
+        bands, balances = self.fitter.bands, fit.weight.shape[1]
+        counts = np.add.reduceat(bands.weights, bands.edges[:-1])
+        sure = (np.maximum(counts - balances, 1.0) / counts) ** 2
+        return self.fitter.likelihood.information(fit.weight * sure[:, None, None], columns)
 
     def covariance(self, values: Sequence[float], fit: Fit) -> NDArray[np.float64]:
         """Of the numbers' errors, the tolerances of the others included, shape (n, n)."""
