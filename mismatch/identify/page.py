@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.ticker import MaxNLocator
 
 from ..estimate import HALF_95
 from ..report.figures import traces
 from ..report.html import style, template
 from ..report.panels import AFTER, HEIGHT, MEASURED, panel, svg
-from ..report.wording import breakable, channel_name, number, superscript
+from ..report.wording import breakable, channel_name, number, parameter_words, superscript
 from .identification import Identification
 
 
@@ -85,7 +86,7 @@ def _changes(identification: Identification) -> str:
         half = 100.0 * HALF_95 * estimate.standard_error / abs(estimate.neutral)
         axes.errorbar(change, place, xerr=half, fmt="o", color=AFTER, markersize=4, capsize=3)
     axes.axvline(0.0, color=MEASURED, linewidth=0.7)
-    axes.set_yticks(range(len(shown)), [e.name.replace("_", " ")[:34] for e in shown], fontsize=7)
+    axes.set_yticks(range(len(shown)), [parameter_words(e.name, e.unit) for e in shown], fontsize=7)
     axes.set_ylim(len(shown) - 0.5, -0.5)
     return svg(figure, "change of each number with its 95 % interval", "n0")
 
@@ -101,7 +102,7 @@ def _correlation(identification: Identification) -> list[str]:
         dark = abs(value) > 0.6
         axes.text(j, i, f"{value:.2f}".replace("-", "−"), ha="center", va="center",
                   fontsize=7, color="white" if dark else MEASURED)  # fmt: skip
-    names = [e.name.replace("_", " ")[:34] for e in identification.estimates]
+    names = [parameter_words(e.name, e.unit) for e in identification.estimates]
     axes.set_yticks(range(count), names, fontsize=7)
     axes.set_xticks(range(count), [str(i + 1) for i in range(count)], fontsize=7)
     axes.grid(visible=False)
@@ -116,14 +117,17 @@ def _search(identification: Identification) -> list[str]:
     score = table["2logL"].to_numpy()
     figure, axes = panel("What was still to be gained", "step", "2 log L below the best")
     axes.semilogy(np.maximum(score[-1] - score, 1e-3), "o-", color=AFTER, markersize=4)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     drawn = [svg(figure, "2 log L over the steps of the search", "s0")]
     figure, axes = panel("The numbers on the way", "step", "of the change made [%]")
-    for key in table.columns[1:]:
+    units = {estimate.key: estimate.unit for estimate in identification.estimates}
+    for key in units:
         values = table[key].to_numpy()
         change = values[-1] - values[0]
         if change != 0.0 and math.isfinite(change):
             axes.plot(100.0 * (values - values[0]) / change, "o-", markersize=3,
-                      label=key.split(".")[-1].replace("_", " ")[:28])  # fmt: skip
-    axes.legend(fontsize=6.5, frameon=False)
+                      label=parameter_words(key.split(".")[-1], units[key]))  # fmt: skip
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.legend(fontsize=6, frameon=False, loc="upper right", ncols=2)
     drawn.append(svg(figure, "the numbers over the steps of the search", "s1"))
     return drawn
