@@ -122,8 +122,8 @@ def study(folder: Path, work: Path, count: int, seed: int, jobs: int | None) -> 
     inside = float(np.average(table["covered %"], weights=table["records"]))
     body = (
         f"{len(everything)} recordings of an independent reality, seed {seed}: nothing is concealed "
-        f"but four numbers, wrong in the file by up to {WRONG:.0%}, all of them free. The others are right, and "
-        "may move inside their tolerances. Of all intervals "
+        f"but four numbers, wrong in the file by up to {WRONG:.0%}, all of them free. The others are "
+        "right, and may move inside their tolerances. Of all intervals "
         f"**{inside:.1f} %** hold the truth.\n\n{markdown(table, 2)}\n\n"
         f"{len(refused)} of them were refused, because they do not tell a number"
         f"{''.join(f': {words}' for words in refused)}.\n\n"
