@@ -43,6 +43,12 @@ def drive_column(ship: Ship) -> str:
     return ship.prime_mover.demand.column
 
 
+def answered_columns(ship: Ship) -> list[str]:
+    """Measured columns that a simulation of the ship answers."""
+    none = set() if ship.has_propeller else {"thrust_N"}
+    return [column for column in MEASURED if column not in none]
+
+
 def input_columns(ship: Ship) -> list[str]:
     """Columns that a recording must have to drive the ship."""
     command = ["pitch_ratio_command"] if ship.has_variable_pitch else []

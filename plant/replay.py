@@ -10,7 +10,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
-from .columns import MEASURED, ON_ANY_SHIP, TIME, drive_column, input_columns
+from .columns import (
+    MEASURED,
+    ON_ANY_SHIP,
+    TIME,
+    answered_columns,
+    drive_column,
+    input_columns,
+)
 from .dynamics import settled
 from .hull import wake_inflow, water_speed
 from .memory import MEMORY
@@ -82,7 +89,7 @@ class Replay:
             self._speed = self._column("ship_speed_m_s")
         self.elevation = self._continuous(self.elevation_rows)
         self.resistance_factor = np.ones(2 * len(self.drive) + 1)
-        self.channels = [column for column in MEASURED if column in table]
+        self.channels = [column for column in answered_columns(ship) if column in table]
         self.start = self._first_state(start_over_s)
         self._samples = np.zeros(len(self.drive) + 1, SAMPLE)
 
@@ -176,6 +183,8 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
     given = [*input_columns(ship), *WATER]
     columns: dict[str, Any] = {c: recording[c] for c in given if c in recording}
     columns |= {
-        c: samples[name] for c, name in MEASURED.items() if c in ON_ANY_SHIP or c in recording
+        c: samples[MEASURED[c]]
+        for c in answered_columns(ship)
+        if c in ON_ANY_SHIP or c in recording
     }
     return pd.DataFrame(columns)

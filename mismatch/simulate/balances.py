@@ -6,6 +6,7 @@ smear over the others, as it does in the channels of an open-loop simulation.
 
     engine      I_L dw/dt + M_m - M_drive(X, w)            [N m]
     propeller   I_R dw/dt + M_p(w, P/D, v_a) + M_f - M_m   [N m]
+    load        the same on a shaft without a propeller    [N m]
     hull        m dv/dt - k_p (1 - t) T + R(v)             [N]
     pitch       P/D - its answer to the command            [-]
     thrust      T - T(w, P/D, v_a), where it is measured   [N]
@@ -59,7 +60,7 @@ def _loads_at(
         current[k] = acting.motor_current
 
 
-PART_OF = {"thrust": "propeller", "current": "motor"}
+PART_OF = {"thrust": "propeller", "current": "motor", "load": "motor"}
 """The plant's balance to which a residual belongs that has a name of its own."""
 
 
@@ -96,7 +97,7 @@ class Balances:
         if "shaft_speed_rad_s" in replay.channels:
             rows.append((self.prime_mover, "N m"))
             if self.gauged:
-                rows.append(("propeller", "N m"))
+                rows.append(("propeller" if replay.ship.has_propeller else "load", "N m"))
         if self.moving:
             rows.append(("hull", "N"))
         if "thrust_N" in replay.channels:
@@ -147,7 +148,7 @@ class Balances:
                     found.append(left * acceleration + channels["shaft_torque_N_m"] - drive)
                 else:
                     found.append((left + right) * acceleration + load - drive)
-            elif name == "propeller":
+            elif name in ("propeller", "load"):
                 found.append(right * acceleration + load - channels["shaft_torque_N_m"])
             elif name == "hull":
                 found.append(float(plant["mass"]) * rate(speed, dt) - push + drag)

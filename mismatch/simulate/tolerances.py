@@ -47,13 +47,15 @@ def tolerance_records(replay: JointReplay, scale: float = 1.0) -> Iterator[Moved
     if ship.moves:
         yield from off(known.resistance, "resistance_coefficient")
         yield from off(known.mass, "mass")
+    if ship.moves and ship.has_propeller:
         yield from shifted(known.wake_fraction, "wake_fraction", 1.0)
         for record, start in off(known.thrust_curve, "kt"):
             record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
             yield record, start
     for side in ("inertia_engine_side", "inertia_propeller_side"):
         yield from off(known.inertia, side)
-    yield from off(known.torque_curve, "relative_rotative_efficiency", power=-1.0)
+    if ship.has_propeller:
+        yield from off(known.torque_curve, "relative_rotative_efficiency", power=-1.0)
     if ship.has_diesel:
         yield from off(known.torque_per_rack, "torque_per_rack")
         plant = ship.record()
