@@ -41,7 +41,7 @@ def test_pitch_is_known_to_a_tenth_beyond_the_ships_range(frigate: Ship) -> None
 def test_without_a_propeller_there_is_nothing_to_observe(servo: Ship) -> None:
     coupled = servo.with_values({"transmission.inertia_propeller_side_kg_m2": 1.0})
     for name in observer_names():
-        with pytest.raises(ObserverError, match="servo: the observer .* needs a propeller"):
+        with pytest.raises(ObserverError, match=r"servo: the observer .* needs a propeller"):
             get_observer(name).discretise(coupled, 0.01)
 
 
