@@ -12,8 +12,10 @@ smear over the others, as it does in the channels of an open-loop simulation.
     thrust      T - T(w, P/D, v_a), where it is measured   [N]
     current     i - (U - K w) / R, where it is measured    [A]
 
-The residual is a coordinate, not the model: it is formed alike from measured and from simulated signals,
-and what is compared is their difference. Without a torque gauge, engine and propeller are one balance.
+Where a recording has the shaft's angle and not its speed, the speed is the angle's derivative at the
+recording's interval. The residual is a coordinate, not the model: it is formed alike from measured and
+from simulated signals, and what is compared is their difference. Without a torque gauge, engine and
+propeller are one balance.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.compiled import Record, compiled
+from ...plant.columns import SHAFT_ANGLE, SHAFT_SPEED
 from ...plant.dynamics import loads
 from ...plant.shaft import inertia_behind_gauge
 from ...plant.state import Inputs, motion_state, without_lags
@@ -94,7 +97,7 @@ class Balances:
         # a pitch that never moves is known no better than its unknown resolution
         if replay.controllable and np.ptp(replay.recorded.get("pitch_ratio", 0.0)) > 0.0:
             rows.append(("pitch-actuator", "-"))
-        if "shaft_speed_rad_s" in replay.channels:
+        if SHAFT_SPEED in replay.channels or SHAFT_ANGLE in replay.channels:
             rows.append((self.prime_mover, "N m"))
             if self.gauged:
                 rows.append(("propeller" if replay.ship.has_propeller else "load", "N m"))
@@ -128,7 +131,7 @@ class Balances:
         replay, plant, dt = self.replay, self.plant, self.replay.interval_s
         pitch = channels.get("pitch_ratio", self._pitch) - float(plant["pitch_sensor_offset"])
         speed = channels.get("ship_speed_m_s", self._speed)
-        omega = channels.get("shaft_speed_rad_s", self.nominal_samples["shaft_speed"])
+        omega = self._shaft_speed(channels)
         n = replay.rows
         drive, load, thrust, push, drag, current = (np.zeros(n) for _ in range(6))
         _loads_at(
@@ -157,6 +160,12 @@ class Balances:
             else:
                 found.append(channels["motor_current_A"] - current)
         return np.array(found)
+
+    def _shaft_speed(self, channels: Channels) -> NDArray[np.float64]:
+        if SHAFT_SPEED not in channels and SHAFT_ANGLE in channels:
+            return rate(channels[SHAFT_ANGLE], self.replay.interval_s)
+        nominal: NDArray[np.float64] = self.nominal_samples["shaft_speed"]
+        return channels.get(SHAFT_SPEED, nominal)
 
     def lacking(self, simulated: Channels) -> NDArray[np.float64]:
         """What a simulation lacks of the recording in each balance; shape (balances, rows)."""

@@ -180,8 +180,8 @@ def test_motor_effect_is_absent_to_the_last_bit_or_acts(effect: Effect, inductan
 NOMINAL = {
     "hull": {"fixed", "mass_kg", "resistance_coefficient_N_s2_m2", "thrust_deduction",
              "wake_fraction", "propellers"},
-    "propeller": {"model", "diameter_m", "blades", "expanded_area_ratio", "pitch_ratio_min", "pitch_ratio_max",
-                  "relative_rotative_efficiency", "depth_m", "thrust_coefficient",
+    "propeller": {"model", "diameter_m", "blades", "expanded_area_ratio", "pitch_ratio_min",
+                  "pitch_ratio_max", "relative_rotative_efficiency", "depth_m", "thrust_coefficient",
                   "torque_coefficient"},
     "ventilation": set(),
     "prime_mover": {"torque_limit_N_m", "torque_limit_at_min_speed_N_m",
