@@ -102,7 +102,7 @@ def diagnose(
     that names file, column and row; nothing is written then.
 
     A recording needs `time_s`, `fuel_rack_mm` (or `motor_voltage_V`), `pitch_ratio_command` and
-    `shaft_speed_rad_s`, and tells more with `shaft_torque_N_m`, `ship_speed_m_s`, `pitch_ratio`; see
+    `shaft_speed_rad_s` (or `shaft_angle_rad`), and tells more with `shaft_torque_N_m`, `ship_speed_m_s`, `pitch_ratio`; see
     docs/recordings.md. Ten samples a second over 20 minutes with steps of rack and pitch is good.
 
     A FOLDER's recordings each get a folder in DIR, and `index.html` lists them, worst first. Bad ones

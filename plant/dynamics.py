@@ -160,6 +160,7 @@ def evaluate(
             inflow=acting.inflow_rate,
             ventilation=air_rate,
             motor_current=acting.motor_current_rate,
+            shaft_angle=state.shaft_speed,
         ),
         Outputs(
             pitch_ratio=blade,

@@ -24,8 +24,10 @@ from .open_water import (
     open_water,
 )
 
-B_SERIES, FOUR_QUADRANT = 0, 1
-"""Codes of ``plant.propeller_model``."""
+POLYNOMIALS, FOUR_QUADRANT, NO_PROPELLER = 0, 1, 2
+"""Codes of ``plant.propeller_model``. The polynomials are those of the B-series, or constants at bollard
+pull; without a propeller they are 0.
+"""
 
 ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC), m/s2
 
@@ -33,6 +35,7 @@ ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC
 class Propeller(Section):
     """Open-water curves and what may be lost from them."""
 
+    needs = "has_propeller"
     derived = (
         ("propeller_model", np.int64),
         ("expanded_area_ratio", np.float64),
@@ -43,8 +46,12 @@ class Propeller(Section):
         ("four_quadrant", np.float64, TABLE_SHAPE),
     )
 
-    model: Literal["b-series", "four-quadrant", "bollard"] = "b-series"
-    diameter_m: float = number("diameter D", "m", record="diameter", gt=0, le=15)
+    model: Literal["b-series", "four-quadrant", "bollard", "none"] = Field(
+        default="b-series", description="open-water curves; none is a shaft without a propeller"
+    )
+    diameter_m: float = number(
+        "diameter D", "m", record="diameter", required="with a propeller", gt=0, le=15, default=1.0
+    )
     blades: int = Field(default=4, ge=2, le=7, description="number of blades Z")
     expanded_area_ratio: float = Field(default=0.7, ge=0.3, le=1.05, description="EAR")
     pitch_ratio_min: float = number(
@@ -87,10 +94,14 @@ class Propeller(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> Propeller:
+        if self.model == "none":
+            if idle := sorted(self.model_fields_set - {"model"}):
+                raise ValueError(f"{idle[0]} acts on nothing with propeller.model = 'none'")
+            return self
         keys: tuple[str, ...] = ("torque_coefficient",)
         if self.model != "bollard":
             keys = ("blades", "expanded_area_ratio", "pitch_ratio_min", "pitch_ratio_max")
-        require(self, keys, f"with propeller.model = {self.model!r}")
+        require(self, ("diameter_m", *keys), f"with propeller.model = {self.model!r}")
         if self.pitch_ratio_min > self.pitch_ratio_max:
             raise ValueError("pitch_ratio_min must not exceed pitch_ratio_max")
         return self
@@ -100,7 +111,9 @@ class Propeller(Section):
         super().fill(record)
         record["expanded_area_ratio"] = self.expanded_area_ratio
         record["blade_solidity"] = 2.073 * self.expanded_area_ratio  # c Z / D at 0.75 R, B-series
-        if self.model == "bollard":
+        if self.model == "none":
+            record["propeller_model"] = NO_PROPELLER
+        elif self.model == "bollard":
             record["kt"] = constant_coefficient(self.thrust_coefficient)
             record["kq"] = constant_coefficient(self.torque_coefficient)
         else:

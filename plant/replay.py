@@ -10,7 +10,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
-from .columns import MEASURED, ON_ANY_SHIP, TIME, drive_column, input_columns
+from .columns import (
+    MEASURED,
+    ON_ANY_SHIP,
+    SHAFT_ANGLE,
+    SHAFT_SPEED,
+    TIME,
+    answered_columns,
+    drive_column,
+    input_columns,
+)
 from .dynamics import settled
 from .hull import wake_inflow, water_speed
 from .memory import MEMORY
@@ -25,7 +34,7 @@ from .waves import calm
 WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
 """Columns of what the water does, which act where a recording has them."""
 
-_START = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
+_START = ("pitch_ratio", SHAFT_SPEED, "ship_speed_m_s")
 
 
 @compiled
@@ -47,8 +56,9 @@ class Replay:
         ship: the ship.
         table: canonical columns at an even interval, all finite.
         start_over_s: the first pitch ratio, shaft speed and ship speed are the measured ones, averaged
-            over this long; 0 takes the first row's. What was not measured is that of the steady state at
-            the first row's demands.
+            over this long; 0 takes the first row's. Of a measured shaft angle, a parabola through as
+            much, three rows at least, gives the first angle, and the first speed if that was not
+            measured. What was not measured is that of the steady state at the first row's demands.
 
     Raises:
         RecordingError: no state to start from, or a measured inflow at a hull that moves without a ship
@@ -82,8 +92,10 @@ class Replay:
             self._speed = self._column("ship_speed_m_s")
         self.elevation = self._continuous(self.elevation_rows)
         self.resistance_factor = np.ones(2 * len(self.drive) + 1)
-        self.channels = [column for column in MEASURED if column in table]
-        self.start = self._first_state(start_over_s)
+        self.channels = [column for column in answered_columns(ship) if column in table]
+        over = max(1, min(round(start_over_s / self.interval_s), self.rows // 20))
+        self.start = self._first_state(over)
+        self.start_angle = self._turning(max(over, 3))[0] if SHAFT_ANGLE in table else 0.0
         self._samples = np.zeros(len(self.drive) + 1, SAMPLE)
 
     def _column(self, name: str) -> NDArray[np.float64]:
@@ -96,10 +108,11 @@ class Replay:
         fine = np.arange(2 * (self.rows - 1) * self.per_row + 1) * (0.5 * self.dt)
         return np.ascontiguousarray(np.interp(fine, self.time_s, rows))
 
-    def _first_state(self, over_s: float) -> tuple[float, float, float]:
-        """Pitch ratio, shaft speed and ship speed to start from."""
-        count = max(1, min(round(over_s / self.interval_s), self.rows // 20))
+    def _first_state(self, count: int) -> tuple[float, float, float]:
+        """Pitch ratio, shaft speed and ship speed to start from, from some rows."""
         first = {c: float(self._column(c)[:count].mean()) for c in _START if c in self.table}
+        if SHAFT_ANGLE in self.table:
+            first = {SHAFT_SPEED: self._turning(max(count, 3))[1]} | first
         if not self.ship.moves:
             first["ship_speed_m_s"] = 0.0
         if not self.ship.has_variable_pitch:
@@ -116,6 +129,15 @@ class Replay:
             first = dict(zip(_START, steady, strict=True)) | first
         pitch, shaft, speed = (first[column] for column in _START)
         return pitch, shaft, speed
+
+    def _turning(self, count: int) -> tuple[float, float]:
+        """Angle [rad] and speed [rad/s] of the shaft at the first row, by a parabola through some."""
+        angle = self._column(SHAFT_ANGLE)[:count]
+        degree = min(2, len(angle) - 1)
+        found = np.polynomial.Polynomial.fit(
+            self.time_s[:count], angle - angle[0], degree, domain=[0.0, 1.0], window=[0.0, 1.0]
+        )
+        return float(angle[0] + found(0.0)), float(found.deriv()(0.0))
 
     def inflow_rows(self, plant: Any) -> NDArray[np.float64]:
         """Disturbance u_x [m/s] at the rows that brings the inflow to the measured one; else 0.
@@ -145,6 +167,7 @@ class Replay:
             elevation=float(self.elevation[0]),
         )  # fmt: skip
         bare = State(*map(float, self.start if start is None else start))
+        bare = bare._replace(shaft_angle=self.start_angle)
         state = np.zeros(1, STATE)
         state[0] = tuple(settled(plant, bare, inputs))
         trajectory(
@@ -176,6 +199,8 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
     given = [*input_columns(ship), *WATER]
     columns: dict[str, Any] = {c: recording[c] for c in given if c in recording}
     columns |= {
-        c: samples[name] for c, name in MEASURED.items() if c in ON_ANY_SHIP or c in recording
+        c: samples[MEASURED[c]]
+        for c in answered_columns(ship)
+        if c in ON_ANY_SHIP or c in recording
     }
     return pd.DataFrame(columns)

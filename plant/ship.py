@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from .actuators import PitchActuator
 from .drives import Diesel, Drive
 from .hull import Hull
-from .keys import KeyInfo, Number, Section, info_of, record_field
+from .keys import LACKING, KeyInfo, Number, Section, info_of, needs_of, record_field, require
 from .memory import HISTORY, Sensors
 from .propeller import Propeller
 from .record import record_of
@@ -33,7 +33,7 @@ class Ship(Section):
 
     name: str
     description: str = ""
-    water: Water
+    water: Water = Water()
     hull: Hull
     propeller: Propeller
     ventilation: Ventilation = Ventilation()
@@ -62,6 +62,8 @@ class Ship(Section):
             raise ValueError(f"term {twice[0]!r} stands twice")
         for key in self.tolerances.numbers:
             self.number(key)
+        if self.has_propeller:
+            require(self.water, ("density_kg_m3",), "with a propeller", "water.")
         lacking = self.unexplained.balance if self.unexplained else ""
         if lacking == "hull" and not self.moves:
             raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
@@ -122,6 +124,11 @@ class Ship(Section):
         return self.prime_mover.demand.unit == "V"
 
     @property
+    def has_propeller(self) -> bool:
+        """Whether its shaft turns a propeller."""
+        return self.propeller.model != "none"
+
+    @property
     def has_variable_pitch(self) -> bool:
         """Whether its blades turn."""
         return self.propeller.pitch_ratio_min < self.propeller.pitch_ratio_max
@@ -139,7 +146,8 @@ class Ship(Section):
     @property
     def balances(self) -> tuple[str, ...]:
         """Balances that an effect on this ship may act in."""
-        own = [self.drive_balance, "propeller", "sensor"]
+        own = [self.drive_balance]
+        own += ["propeller", "sensor"] if self.has_propeller else ["sensor"]
         own += ["hull"] if self.moves else []
         return (*own, "pitch-actuator") if self.has_variable_pitch else tuple(own)
 
@@ -181,15 +189,19 @@ class Ship(Section):
             dotted: ``section.key``, or ``term.ID.PARAMETER`` of a term.
 
         Raises:
-            ShipError: unknown key, or one that is not a single number of the kernels' record.
+            ShipError: unknown key, one that is not a single number of the kernels' record, or one
+                that acts on nothing on this ship.
         """
         section, _, key = dotted.partition(".")
         if section == "term":
             return self._number_of_term(dotted, *key.partition(".")[::2])
         table = getattr(self, section, None) if section in type(self).model_fields else None
         fields = type(table).model_fields if isinstance(table, Section) else {}
-        if key not in fields:
+        if table is None or key not in fields:
             raise ShipError(f"{self.name}: {dotted} is not a known key")
+        for need in f"{table.needs} {needs_of(fields[key])}".split():
+            if not getattr(self, need):
+                raise ShipError(f"{dotted} acts on nothing: {self.name} {LACKING[need]}")
         field = record_field(fields[key])
         if field is None:
             raise ShipError(f"{self.name}: {dotted} has no field of its own in the kernels' record")

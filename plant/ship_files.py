@@ -12,7 +12,7 @@ import tomli_w
 from pydantic import BaseModel
 
 from ..core.files import write_text
-from .keys import allowed_range, unit_of
+from .keys import allowed_range, default_of, unit_of
 from .ship import Ship
 from .ship_errors import ShipError, kinds, tag_of, validated
 
@@ -99,13 +99,12 @@ def ship_keys() -> list[tuple[str, str, str, str, str]]:
                     label += f" ({tag_of(kind)})"
                 names = [str(a) for a in get_args(field.annotation) if isinstance(a, str)]
                 allowed = ", ".join(names) or ("true, false" if field.annotation is bool else "")
-                default = "required" if field.is_required() else f"{field.default}"
                 rows.append(
                     (
                         label,
                         unit_of(field),
                         allowed or allowed_range(field),
-                        default,
+                        default_of(field),
                         field.description or "",
                     )
                 )

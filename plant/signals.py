@@ -61,6 +61,8 @@ SIGNALS = (
     Signal("ventilation", "alpha", "-", 0, 1, "truth", "ventilation", "degree of ventilation"),
     Signal("position", "x", "m", -math.inf, math.inf, "truth", "position_m",
            "distance along the track"),
+    Signal("shaft_angle", "theta", "rad", -math.inf, math.inf, "sensor", "shaft_angle_rad",
+           "angle turned by the propeller shaft, counted on beyond a turn"),
 )  # fmt: skip
 
 CONTROL_SIGNALS = (

@@ -49,6 +49,7 @@ def _write(
     sample.submergence = outputs.submergence
     sample.ventilation = state.ventilation
     sample.position = state.position
+    sample.shaft_angle = state.shaft_angle
 
 
 @compiled

@@ -41,6 +41,8 @@ class State(NamedTuple):
     inflow: Annotated[Real, Lag("inflow_lag")] = 0.0  # advance velocity where it lags [m/s]
     ventilation: Annotated[Real, Where(can_ventilate)] = 0.0  # degree of ventilation [-]
     motor_current: Annotated[Real, Lag("armature_inductance")] = 0.0  # where it has dynamics [A]
+    # nothing depends on the angle but a recording that has it in place of the speed
+    shaft_angle: Annotated[Real, Where(lambda plant: False)] = 0.0  # turned by the shaft [rad]
 
 
 def _declared() -> dict[str, Where | Lag]:

@@ -23,6 +23,8 @@ from .keys import Section, effect, number
 class Ventilation(Section):
     """Ventilation of the propeller; absent while both losses are 0."""
 
+    needs = "has_propeller"
+
     thrust_loss: float = effect(
         0.0, "share of thrust lost", record="ventilation_thrust_loss", ge=0, le=0.95
     )

@@ -37,8 +37,8 @@ _SEA_Hz = (0.04, 0.4)
 _HUMP = 3.0
 
 QUANTITY = {
-    "engine": "torque", "motor": "torque", "propeller": "torque", "hull": "force",
-    "thrust": "force", "pitch-actuator": "pitch ratio",
+    "engine": "torque", "motor": "torque", "propeller": "torque", "load": "torque",
+    "hull": "force", "thrust": "force", "pitch-actuator": "pitch ratio",
 }  # fmt: skip
 """What a balance lacks."""
 

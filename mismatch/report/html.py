@@ -15,7 +15,7 @@ from markupsafe import Markup
 from ...plant.ship import Ship
 from ..judge.verdict import EXPLAINED, NOTHING
 from ..outcome import Outcome
-from ..search.catalogue import catalogue
+from ..search.catalogue import catalogue, mistaken_for
 from ..search.placed import Placed
 from . import figures, regimes
 from .changes import changed_keys
@@ -121,6 +121,7 @@ def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
     return {
         "name": effect_words(effect),
         "effect": effect,
+        "mistaken_for": mistaken_for(effect, ship),
         "place": place + 1,
         "equation": Markup(equation(effect.latex, effect.equation, f"e{place}")),
         "parameters": rows,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...plant.propeller import cavitation_number
+from ...plant.propeller import NO_PROPELLER, cavitation_number
 from ...plant.ship import Ship
 from ..simulate.balances import Balances
 from .catalogue import Effect, Parameter
@@ -120,8 +120,9 @@ class TrialShip:
 def scales(balances: Balances) -> Mapping[str, float]:
     """What the catalogue's probes are counted in, by name: rms, mean or top of a nominal simulation.
 
-    Torque [N m] and force [N] are those of the propeller and the resistance, ``drive`` is in the unit
-    of the prime mover's demand, ``sigma_top`` is the cavitation number at the highest shaft speed.
+    Torque [N m] is that of the propeller, or of the drive where there is none, force [N] the resistance,
+    ``drive`` is in the unit of the prime mover's demand, ``sigma_top`` is the cavitation number at the
+    highest shaft speed.
     """
     samples, plant = balances.nominal_samples, balances.plant
     omega = np.abs(samples["shaft_speed"])
@@ -131,6 +132,8 @@ def scales(balances: Balances) -> Mapping[str, float]:
         return float(max(np.sqrt(np.mean(np.square(values))), 1e-9))
 
     torque, shaft = typical(samples["propeller_torque"]), typical(omega)
+    if plant["propeller_model"] == NO_PROPELLER:
+        torque = typical(gear * samples["brake_torque"])
     drive = balances.replay.drive_rows
     number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
     return {

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import MEASURED
+from ...plant.columns import MEASURED, SHAFT_ANGLE
 from ...plant.replay import Replay
 from ...plant.ship import Ship
 from ..recordings.noise import describe
@@ -28,7 +28,8 @@ DULL_SHARE = 0.05
 
 RESOLUTION = 1e-5
 """Share of its largest value that a channel is read to at best: one that was simulated, not measured,
-would be infinitely sure of itself."""
+would be infinitely sure of itself. Of an angle, which has no largest value, the largest step counts.
+"""
 
 
 def _moves(demand: NDArray[np.float64]) -> bool:
@@ -108,7 +109,8 @@ class JointReplay:
         rng = np.random.default_rng(0)
         found = dict(self.recorded)
         for column, values in self.recorded.items():
-            least = RESOLUTION * float(np.abs(values).max())
+            sized = np.diff(values) if column == SHAFT_ANGLE else values
+            least = RESOLUTION * float(np.abs(sized).max())
             if describe(values[slice(*self.segments[0])], self.interval_s).white_rms < least:
                 found[column] = values + least * rng.standard_normal(len(values))
         return found

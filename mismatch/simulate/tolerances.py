@@ -52,13 +52,14 @@ def tolerance_records(
     if ship.moves:
         yield from off("hull.resistance_coefficient_N_s2_m2")
         yield from off("hull.mass_kg")
+    if ship.moves and ship.has_propeller:
         yield from shifted("hull.wake_fraction", 1.0)
         for record, start in off("propeller.thrust_coefficient", field="kt"):
             record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
             yield record, start
     for side in ("engine", "propeller"):
         yield from off(f"transmission.inertia_{side}_side_kg_m2")
-    if "propeller.torque_coefficient" not in told:
+    if ship.has_propeller and "propeller.torque_coefficient" not in told:
         yield from off("propeller.relative_rotative_efficiency", power=-1.0)
     if ship.has_diesel:
         yield from off("prime_mover.torque_per_rack_N_m_mm")

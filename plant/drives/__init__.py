@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ...core.compiled import Real, Record, compiled
 from .dc_motor import DcMotor, drive_motor
 from .diesel import Diesel, drive_diesel
-from .torque_source import TorqueSource
+from .torque_source import TorqueSource, source_torque
 
 Drive = Diesel | DcMotor | TorqueSource
 
@@ -50,7 +50,7 @@ def driven(
     elif plant.prime_mover == DC_MOTOR:
         torque, current, current_rate = drive_motor(plant, engine_speed, demand, motor_current)
     else:
-        torque = demand
+        torque = source_torque(plant, demand)
     return Driven(torque, torque_rate, current, current_rate)
 
 

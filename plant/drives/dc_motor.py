@@ -9,7 +9,7 @@ from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
 from ..keys import INF, effect, number
 from ..signals import Signal
-from .prime_mover import PrimeMover, fill_two_way
+from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
 
 
 class DcMotor(PrimeMover):
@@ -46,6 +46,7 @@ class DcMotor(PrimeMover):
         1.0, "torque constant at negative current / at positive", record="reverse_torque_fraction",
         gt=0, le=2,
     )  # fmt: skip
+    torque_offset_N_m: float = torque_offset()
     supply_limit_V: float = effect(
         INF, "highest voltage that reaches the armature, either way", "V", record="supply_limit",
         gt=0,
@@ -134,4 +135,4 @@ def drive_motor(
         rate = motor_current_rate(plant, voltage, motor_speed, current)
     else:
         current = steady_motor_current(plant, voltage, motor_speed)
-    return motor_torque(plant, current), current, rate
+    return with_offset(plant, motor_torque(plant, current)), current, rate

@@ -46,6 +46,41 @@ def test_a_ship_has_the_balances_of_its_parts(frigate: Ship) -> None:
     assert moored.balances == ("engine", "propeller", "sensor", "pitch-actuator")
 
 
+def test_a_drive_without_a_propeller_has_the_balances_of_a_drive(
+    servo: Ship, frigate: Ship
+) -> None:
+    assert servo.balances == ("motor", "sensor")
+    assert frigate.has_propeller
+    assert not servo.has_propeller
+
+
+@pytest.mark.parametrize(
+    ("key", "why"),
+    [
+        ("propeller.entrained_inertia_kg_m2", "servo has no propeller"),
+        ("propeller.astern_load_fraction", "servo has no propeller"),
+        ("ventilation.torque_loss", "servo has no propeller"),
+        ("water.density_kg_m3", "servo has no propeller"),
+        ("hull.wake_fraction", "servo has no propeller"),
+        ("hull.wake_slope_s_m", "servo has no propeller"),
+        ("hull.thrust_deduction", "servo has a hull that is fixed"),
+        ("hull.mass_kg", "servo has a hull that is fixed"),
+    ],
+)
+def test_a_number_that_acts_on_nothing_is_none_of_the_ship(servo: Ship, key: str, why: str) -> None:
+    with pytest.raises(ShipError, match=f"{key} acts on nothing: {why}"):
+        servo.number(key)
+    assert not servo.has_key(key)
+
+
+def test_a_hull_without_a_propeller_has_resistance_and_no_thrust(frigate: Ship) -> None:
+    tree = frigate.model_dump(exclude_unset=True)
+    towed = Ship.model_validate(tree | {"propeller": {"model": "none"}})
+    assert towed.balances == ("engine", "sensor", "hull")
+    assert towed.has_key("hull.resistance_coefficient_N_s2_m2")
+    assert not towed.has_key("hull.thrust_deduction")
+
+
 def test_running_speeds_are_those_of_the_propeller_shaft(frigate: Ship) -> None:
     low, high = frigate.shaft_speeds
     assert low == pytest.approx(350.0 * math.pi / 30.0 / 7.38, rel=1e-14)

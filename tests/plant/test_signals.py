@@ -10,7 +10,8 @@ from shaftline.plant.signals import CONTROL_SIGNALS, RECORDED_SIGNALS, SAMPLE, S
 EVERY = (*SIGNALS, *CONTROL_SIGNALS, *RECORDED_SIGNALS)
 
 BOUNDS = {
-    "time_s": (0, math.inf), "position_m": (-math.inf, math.inf), "ventilation": (0, 1),
+    "time_s": (0, math.inf), "position_m": (-math.inf, math.inf),
+    "shaft_angle_rad": (-math.inf, math.inf), "ventilation": (0, 1),
     "estimate_valid": (0, 1), "shaft_speed_rad_s": (-1e3, 1e3),
     "shaft_acceleration_rad_s2": (-1e5, 1e5), "motor_current_A": (-1e5, 1e5),
     "thrust_N": (-1e8, 1e8), "resistance_N": (-1e9, 1e9), "fuel_flow_kg_s": (0, 100),

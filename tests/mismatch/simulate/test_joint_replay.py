@@ -141,6 +141,15 @@ def test_a_channel_without_noise_is_read_to_its_resolution(frigate: Ship) -> Non
         assert (found.measured[column] == found.recorded[column]).all()
 
 
+def test_an_angle_is_read_to_a_share_of_its_largest_step(servo: Ship) -> None:
+    """However far it has counted: its derivative is then known as a speed would be."""
+    time = 0.01 * np.arange(400)
+    table = pd.DataFrame({"time_s": time, "motor_torque_N_m": 10.0})
+    found = JointReplay(servo, table.assign(shaft_angle_rad=1e4 + 50.0 * time))
+    added = found.measured["shaft_angle_rad"] - found.recorded["shaft_angle_rad"]
+    assert added.std() == pytest.approx(1e-5 * 0.5, rel=0.15)
+
+
 @pytest.mark.parametrize(("rms", "left_alone"), [(1.2e-5, True), (0.8e-5, False)])
 def test_noise_of_a_hundred_thousandth_is_noise(
     frigate: Ship, rms: float, left_alone: bool

@@ -49,6 +49,17 @@ def test_a_resistance_that_is_little_known_is_not_called_fouling(draggy: pd.Data
     assert 0.05 * unsure.null.tolerances[0] == pytest.approx(0.04, abs=0.015)
 
 
+def test_a_drive_without_a_propeller_has_the_tolerances_of_a_drive(servo: Ship) -> None:
+    table = pd.DataFrame({"time_s": np.arange(50) * 0.01, "motor_torque_N_m": 10.0})
+    replay = JointReplay(servo, table.assign(shaft_speed_rad_s=1.0))
+    changed = [
+        {f for f in record.dtype.names if (record[f] != servo.record()[f]).any()}
+        for record, shift in tolerance_records(replay)
+        if not any(shift)
+    ]
+    assert changed == [{"inertia_engine_side"}, set()]  # and none behind a gauge
+
+
 def test_a_number_known_exactly_is_left_out(draggy: pd.DataFrame) -> None:
     usual, exact = fitter_of(draggy, {}), fitter_of(draggy, {"tolerances.resistance": 0.0})
     assert np.array_equal(exact.nuisance, usual.nuisance[1:])
