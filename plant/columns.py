@@ -26,7 +26,7 @@ COLUMNS = (
 
 MEASURED = {
     "pitch_ratio": "measured_pitch_ratio",
-    "shaft_speed_rad_s": "shaft_speed",
+    "shaft_speed_rad_s": "measured_shaft_speed",
     "shaft_torque_N_m": "measured_shaft_torque",
     "ship_speed_m_s": "measured_ship_speed",
     "thrust_N": "thrust",
