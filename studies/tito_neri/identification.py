@@ -1,4 +1,4 @@
-"""The identification of Vrijdag & Martelli 2021 again: Tables 2, 4 and 5, and its methods on known truth.
+"""The identification of Vrijdag & Martelli 2021: Tables 2, 4 and 5, and its methods on known truth.
 
 What was measured and printed are five steady states (Table 4) and a response at nine frequencies
 (Table 2). The first give four numbers of Table 5's column I again; the five numbers that the authors
