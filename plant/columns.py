@@ -27,7 +27,7 @@ COLUMNS = (
 
 MEASURED = {
     "pitch_ratio": "measured_pitch_ratio",
-    SHAFT_SPEED: "shaft_speed",
+    SHAFT_SPEED: "measured_shaft_speed",
     "shaft_torque_N_m": "measured_shaft_torque",
     "ship_speed_m_s": "measured_ship_speed",
     "thrust_N": "thrust",

@@ -50,8 +50,7 @@ class Ship(Section):
     def _consistent(self) -> Ship:
         step = self.integration.time_step_s
         longest = step * (HISTORY - 2)
-        delays = {"sensors.torque_delay_s": self.sensors.torque_delay_s}
-        for key, delay in (delays | self.prime_mover.delays).items():
+        for key, delay in (self.sensors.delays | self.prime_mover.delays).items():
             if delay > longest:
                 raise ValueError(
                     f"{key} = {delay} s is more than {longest:.4g} s, "

@@ -36,6 +36,7 @@ def _write(
     sample.shaft_speed = state.shaft_speed
     sample.shaft_torque = outputs.shaft_torque
     sample.ship_speed = state.ship_speed
+    sample.measured_shaft_speed = memory.shaft_speed
     sample.measured_pitch_ratio = memory.pitch_ratio
     sample.measured_shaft_torque = memory.shaft_torque
     sample.measured_ship_speed = speed_log

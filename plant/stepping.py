@@ -115,7 +115,7 @@ def step(
     blade = memory.blade_pitch
     ventilated = memory.ventilated != 0
     rate, outputs = evaluate(plant, now, first, blade, ventilated)
-    read_instruments(plant, memory, outputs, dt)
+    read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     following = runge_kutta(plant, now, rate, second, third, blade, ventilated, dt)
     set_state(state, following)
     end_step(plant, memory, following.ship_speed, dt)
@@ -139,7 +139,7 @@ def observe(
     episode = episode_factor(plant, time, dt)
     inputs = _inputs(memory.rack, pitch_command, disturbance, wave, episode, time)
     _, outputs = evaluate(plant, now, inputs, memory.blade_pitch, memory.ventilated != 0)
-    read_instruments(plant, memory, outputs, dt)
+    read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     return outputs
 
 

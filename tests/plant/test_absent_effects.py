@@ -94,10 +94,16 @@ SENSOR_EFFECTS = [
     effect("torque-sensor-bias", "sensors.torque_bias_N_m", 3e3),
     effect("torque-sensor-gain", "sensors.torque_gain", 1.05, 1.0),
     effect("torque-sensor-delay", "sensors.torque_delay_s", 0.4),
+    effect("speed-sensor-delay", "sensors.speed_delay_s", 0.4),
     effect("speed-log-lag", "sensors.speed_log_lag_s", 10.0),
 ]
 
-MEASURED = ["measured_pitch_ratio", "measured_shaft_torque", "measured_ship_speed"]
+MEASURED = [
+    "measured_pitch_ratio",
+    "measured_shaft_speed",
+    "measured_shaft_torque",
+    "measured_ship_speed",
+]
 
 
 def named(effects: list[Effect]) -> Any:

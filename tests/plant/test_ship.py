@@ -199,7 +199,9 @@ def test_ship_is_frozen(frigate: Ship) -> None:
         frigate.hull.mass_kg = 1.0  # type: ignore[misc]
 
 
-@pytest.mark.parametrize("key", ["sensors.torque_delay_s", "prime_mover.dead_time_s"])
+@pytest.mark.parametrize(
+    "key", ["sensors.torque_delay_s", "sensors.speed_delay_s", "prime_mover.dead_time_s"]
+)
 def test_delay_beyond_the_memory_is_refused(frigate: Ship, key: str) -> None:
     short = {"integration.time_step_s": 0.01}
     longest = 0.01 * (HISTORY - 2)

@@ -91,6 +91,7 @@ def test_samples_are_the_outputs_of_single_steps(
             "time": k * dt, "drive": drive[last], "pitch_command": pitch[last],
             "measured_pitch_ratio": memory["pitch_ratio"], "measured_ship_speed": log,
             "measured_shaft_torque": memory["shaft_torque"], "shaft_speed": now.shaft_speed,
+            "measured_shaft_speed": memory["shaft_speed"],
             "ship_speed": now.ship_speed, "ventilation": now.ventilation, "position": now.position,
             "shaft_angle": now.shaft_angle,
         }  # fmt: skip
