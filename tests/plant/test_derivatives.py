@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from shaftline.plant import Ship, equilibrium, linearise, load_ship, ship_names
 from shaftline.plant.derivatives import (
-    COMPLEX_PLANT,
+    COMPLEX_WORD,
     STEP,
+    acting,
     complex_record,
     derivatives,
-    word_of,
+    words,
 )
 from shaftline.plant.dynamics import evaluate
 from shaftline.plant.keys import Number
 from shaftline.plant.record import PLANT
+from shaftline.plant.ship_errors import ShipError
 from shaftline.plant.state import LAGS, Inputs, Outputs, State, active_states
 from shaftline.plant.terms import Term
 
@@ -59,14 +61,10 @@ def numbers(ship: Ship) -> list[Number]:
     return [ship.number(key) for key in keys if ship.has_key(key)]
 
 
-def flat(record: Any) -> NDArray[np.float64]:
-    """A record as a row of float64, in the same memory."""
-    return np.asarray(record).reshape(1).view(np.float64)
-
-
 def along_number(ship: Ship, number: Number, state: State, inputs: Inputs) -> Any:
     twin = complex_record(ship.record())
-    flat(twin)[word_of(number, COMPLEX_PLANT) + 1] = STEP
+    acts = acting(ship, number.key)
+    words(twin)[COMPLEX_WORD[acts.words] + 1] = STEP * acts.slopes
     rate, outputs = derivatives(twin, state, inputs, BLADE_BEFORE, False, STILL)
     return np.array([*rate, *outputs])
 
@@ -166,6 +164,39 @@ def test_the_complex_record_holds_the_same_ship() -> None:
     for name in PLANT.names or ():
         np.testing.assert_array_equal(np.asarray(twin[name]), np.asarray(record[name]))
     for number in numbers(ship):
-        assert flat(record)[word_of(number, PLANT)] == number.read(record)
-        assert flat(twin)[word_of(number, COMPLEX_PLANT)] == number.read(record)
-        assert flat(twin)[word_of(number, COMPLEX_PLANT) + 1] == 0.0
+        acts = acting(ship, number.key)
+        assert (acts.value, acts.info) == (number.value, number.info)
+        assert words(record)[acts.words] == words(twin)[COMPLEX_WORD[acts.words]] == number.value
+        assert words(twin)[COMPLEX_WORD[acts.words] + 1] == 0.0
+
+
+def test_a_coefficient_that_stands_in_a_table_has_its_derivative_too() -> None:
+    """Thrust and torque of a bollard propeller are multiples of KT and KQ."""
+    ship = load_ship("rov-thruster")
+    state, inputs = somewhere(ship)
+    _, outputs = evaluate(ship.record(), state, inputs, BLADE_BEFORE, False)
+    for key, output in (
+        ("thrust_coefficient", "thrust"),
+        ("torque_coefficient", "propeller_torque"),
+    ):
+        acts = acting(ship, f"propeller.{key}")
+        assert acts.value == getattr(ship.propeller, key)
+        twin = complex_record(ship.record())
+        words(twin)[COMPLEX_WORD[acts.words] + 1] = STEP * acts.slopes
+        _, found = derivatives(twin, state, inputs, BLADE_BEFORE, False, STILL)
+        expected = getattr(outputs, output) / acts.value
+        assert getattr(found, output) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("key", "why"),
+    [
+        ("hull.nonsense", "frigate: hull.nonsense is not a known key"),
+        ("hull.propellers", "hull.propellers has no field of its own"),
+        ("propeller.expanded_area_ratio", "acts on the equations through tables made from it"),
+        ("tolerances.mass", "tolerances.mass is no number that the equations have a derivative to"),
+    ],
+)
+def test_a_number_without_derivative_is_named(key: str, why: str) -> None:
+    with pytest.raises(ShipError, match=re.escape(why)):
+        acting(load_ship("frigate"), key)
