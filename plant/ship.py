@@ -60,6 +60,8 @@ class Ship(Section):
         ids = [term.id for term in self.term]
         if twice := [name for name in ids if ids.count(name) > 1]:
             raise ValueError(f"term {twice[0]!r} stands twice")
+        for key in self.tolerances.numbers:
+            self.number(key)
         lacking = self.unexplained.balance if self.unexplained else ""
         if lacking == "hull" and not self.moves:
             raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
