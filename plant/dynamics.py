@@ -75,7 +75,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         added_pitch_rate = more.pitch_rate
     inflow_rate = 0.0
     advance = kinematic
-    if plant.inflow_lag > 0.0:
+    if plant.inflow_lag.real > 0.0:
         advance = state.inflow
         inflow_rate = (kinematic - state.inflow) / plant.inflow_lag
     load = propeller_load(plant, advance, state.shaft_speed, blade, submergence, state.ventilation)

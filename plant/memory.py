@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.compiled import Record, compiled
+from ..core.compiled import Real, Record, compiled
 from .actuators import rack_position
 from .keys import Section, effect
 from .state import Outputs, State
@@ -88,6 +88,18 @@ def begin_step(plant: Record, memory: Record, demand: float, dt: float) -> float
 
 
 @compiled
+def pitch_read(plant: Record, pitch_ratio: Real) -> Real:
+    """What the pitch sensor reads of a pitch ratio of the blades [-]."""
+    return pitch_ratio + plant.pitch_sensor_offset
+
+
+@compiled
+def torque_read(plant: Record, torque: Real) -> Real:
+    """What the gauge reads of a torque [N m], its delay apart."""
+    return plant.torque_sensor_gain * torque + plant.torque_sensor_bias
+
+
+@compiled
 def read_instruments(
     plant: Record, memory: Record, shaft_speed: float, outputs: Outputs, dt: float
 ) -> None:
@@ -100,12 +112,12 @@ def read_instruments(
         memory.ventilated = ventilation_state(
             plant, memory.ventilated != 0, outputs.submergence, outputs.thrust_coefficient
         )
-    memory.pitch_ratio = outputs.pitch_ratio + plant.pitch_sensor_offset
+    memory.pitch_ratio = pitch_read(plant, outputs.pitch_ratio)
     torque = outputs.shaft_torque
     if plant.torque_sensor_delay > 0.0:
         memory.torques[memory.cursor % HISTORY] = torque
         torque = _delayed(memory.torques, memory.cursor, plant.torque_sensor_delay / dt)
-    memory.shaft_torque = plant.torque_sensor_gain * torque + plant.torque_sensor_bias
+    memory.shaft_torque = torque_read(plant, torque)
     if plant.speed_sensor_delay > 0.0:
         memory.speeds[memory.cursor % HISTORY] = shaft_speed
         shaft_speed = _delayed(memory.speeds, memory.cursor, plant.speed_sensor_delay / dt)

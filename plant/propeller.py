@@ -199,12 +199,12 @@ def propeller_load(
         )
         kt_n2 = open_water(plant.kt, j, pitch_ratio) * n2
         kq_n2 = open_water(plant.kq, j, pitch_ratio) * n2
-    if plant.propeller_roughness > 0.0:
+    if plant.propeller_roughness != 0.0:
         drag = plant.propeller_roughness * plant.blade_solidity * n2
         kt_n2 = kt_n2 - 0.3 * pitch_ratio * drag
         kq_n2 = kq_n2 + 0.25 * drag
     deep_kt = kt_n2 / (n * n + MIN_REVOLUTIONS * MIN_REVOLUTIONS)
-    if plant.cavitation_breakdown > 0.0:
+    if plant.cavitation_breakdown != 0.0:
         loss = cavitation_loss(plant, n, submergence)
         kt_n2 = kt_n2 * (1.0 - loss)
         kq_n2 = kq_n2 * (1.0 - loss * plant.cavitation_torque_share)

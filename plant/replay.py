@@ -151,6 +151,22 @@ class Replay:
         _fill_inflow(plant, self._speed, nominal)
         return np.asarray(self._met - nominal)
 
+    def inflow(self, plant: Any) -> NDArray[np.float64]:
+        """The same at the steps' starts and middles and the last one's end, shape (2 steps + 1,)."""
+        return self._continuous(self.inflow_rows(plant))
+
+    def first_state(self, start: tuple[float, ...] | None = None) -> State:
+        """State at the first row, what lags not yet settled; ``self.start`` where none is given."""
+        bare = State(*map(float, self.start if start is None else start))
+        return bare._replace(shaft_angle=self.start_angle)
+
+    def first_inputs(self, plant: Any) -> Inputs:
+        """What acts at the first row."""
+        return Inputs(
+            float(self.drive[0]), float(self.pitch[0]), float(self.inflow_rows(plant)[0]),
+            elevation=float(self.elevation[0]),
+        )  # fmt: skip
+
     def simulate(
         self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None
     ) -> NDArray[Any]:
@@ -161,18 +177,12 @@ class Replay:
             start: pitch ratio, shaft speed and ship speed at the first row; ``self.start`` by default.
             sea: SEA record, or None for calm water.
         """
-        inflow = self.inflow_rows(plant)
-        inputs = Inputs(
-            float(self.drive[0]), float(self.pitch[0]), float(inflow[0]),
-            elevation=float(self.elevation[0]),
-        )  # fmt: skip
-        bare = State(*map(float, self.start if start is None else start))
-        bare = bare._replace(shaft_angle=self.start_angle)
+        inflow = self.inflow(plant)
         state = np.zeros(1, STATE)
-        state[0] = tuple(settled(plant, bare, inputs))
+        state[0] = tuple(settled(plant, self.first_state(start), self.first_inputs(plant)))
         trajectory(
             plant, state[0], np.zeros(1, MEMORY)[0], calm() if sea is None else sea.copy(),
-            self.drive, self.pitch, self._continuous(inflow), self.elevation,
+            self.drive, self.pitch, inflow, self.elevation,
             self.resistance_factor, self.dt, self._samples,
         )  # fmt: skip
         return self._samples[:: self.per_row].copy()

@@ -112,10 +112,10 @@ def inertia_behind_gauge(plant: Record) -> float:
 
 
 @compiled
-def shaft_inertia(plant: Record) -> float:
+def shaft_inertia(plant: Record) -> Real:
     """Inertia I [kg m2] of the whole line at the propeller shaft, entrained water included."""
     rotating = plant.inertia_engine_side + plant.inertia_propeller_side
-    return float(rotating + plant.entrained_inertia)
+    return rotating + plant.entrained_inertia
 
 
 @compiled

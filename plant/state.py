@@ -93,7 +93,7 @@ def motion_state(pitch_ratio, shaft_speed, ship_speed):
 )
 """The state of pitch, shaft and hull alone, for kernels, where a tuple's defaults do not act."""
 
-moved: Callable[[State, State, float], State] = spelled_out(
+moved: Callable[[State, State, Real], State] = spelled_out(
     """
 def moved(state, rate, h):
     return State(

@@ -59,7 +59,8 @@ class Ventilation(Section):
 @compiled
 def can_ventilate(plant: Record) -> bool:
     """Whether the ship's record has ventilation switched on."""
-    return bool(plant.ventilation_thrust_loss > 0.0 or plant.ventilation_torque_loss > 0.0)
+    thrust, torque = plant.ventilation_thrust_loss, plant.ventilation_torque_loss
+    return bool(thrust.real > 0.0 or torque.real > 0.0)
 
 
 @compiled

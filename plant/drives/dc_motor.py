@@ -78,10 +78,10 @@ def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
     to hold the current at ``supply_current_limit``.
     """
     voltage = demand
-    if plant.command_dead_zone > 0.0:
+    if plant.command_dead_zone != 0.0:
         voltage = demand - clip(demand, -plant.command_dead_zone, plant.command_dead_zone)
     voltage = clip(voltage, -plant.supply_limit, plant.supply_limit)
-    if plant.supply_current_limit < math.inf:
+    if plant.supply_current_limit.real < math.inf:
         back, span = (
             plant.motor_constant * motor_speed,
             plant.armature_resistance * plant.supply_current_limit,
@@ -131,7 +131,7 @@ def drive_motor(
     """
     voltage = applied_voltage(plant, demand, motor_speed)
     rate = 0.0
-    if plant.armature_inductance > 0.0:
+    if plant.armature_inductance.real > 0.0:
         rate = motor_current_rate(plant, voltage, motor_speed, current)
     else:
         current = steady_motor_current(plant, voltage, motor_speed)
