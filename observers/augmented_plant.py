@@ -195,7 +195,7 @@ def _carry(
     rate, outputs = evaluate(plant, now, start, blade, ventilated)
     _slopes_of_rates(model, moved(now, rate, 0.5 * dt), middle, memory, f)
     propagate(p, f, len(model.slots), model.process, dt, room)
-    read_instruments(plant, memory, outputs, dt)
+    read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     following = runge_kutta(plant, now, rate, middle, end, blade, ventilated, dt)
     set_state(model.state[0], following)
     end_step(plant, memory, following.ship_speed, dt)
