@@ -52,7 +52,8 @@ def tolerance_records(replay: JointReplay, scale: float = 1.0) -> Iterator[Moved
         for record, start in off(known.thrust_curve, "kt"):
             record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
             yield record, start
-    for side in ("inertia_engine_side", "inertia_propeller_side"):
+    sides = ("inertia_engine_side", "inertia_propeller_side")
+    for side in sides if ship.turns_freely else sides[1:]:
         yield from off(known.inertia, side)
     if ship.has_propeller:
         yield from off(known.torque_curve, "relative_rotative_efficiency", power=-1.0)
@@ -66,8 +67,9 @@ def tolerance_records(replay: JointReplay, scale: float = 1.0) -> Iterator[Moved
         yield from off(known.armature_resistance, "armature_resistance")
     if replay.controllable:
         yield from off(known.pitch_time_constant, "pitch_time_constant")
-    shaft = max(abs(replay.start[1]), 1.0)
-    yield ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0)
+    if ship.turns_freely:
+        shaft = max(abs(replay.start[1]), 1.0)
+        yield ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0)
     if replay.controllable:
         yield ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0)
     if ship.moves:
