@@ -18,8 +18,9 @@ BOUNDS = {
 }
 """Lowest and highest value and unit of each column that is understood."""
 
+_DEMANDS = tuple(demand.column for demand in DEMANDS if demand.column != SHAFT_SPEED)
 COLUMNS = (
-    TIME, *(demand.column for demand in DEMANDS), "pitch_ratio_command", "pitch_ratio",
+    TIME, *_DEMANDS, "pitch_ratio_command", "pitch_ratio",
     SHAFT_SPEED, SHAFT_ANGLE, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
     "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", "inflow_velocity_m_s",
 )  # fmt: skip
@@ -48,6 +49,7 @@ def drive_column(ship: Ship) -> str:
 def answered_columns(ship: Ship) -> list[str]:
     """Measured columns that a simulation of the ship answers."""
     none = set() if ship.has_propeller else {"thrust_N"}
+    none |= set() if ship.turns_freely else {SHAFT_SPEED, SHAFT_ANGLE}
     return [column for column in MEASURED if column not in none]
 
 

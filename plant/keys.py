@@ -18,6 +18,7 @@ INF = math.inf
 LACKING = {
     "has_propeller": "has no propeller",
     "moves": "has a hull that is fixed",
+    "turns_freely": "has a shaft whose speed is held",
 }
 """What a number may need of its ship, by the ship's property, and how a ship is called without it."""
 
@@ -163,10 +164,15 @@ def needs_of(info: FieldInfo) -> str:
     return str(extra.get("needs", "")) if isinstance(extra, dict) else ""
 
 
+def required_when(info: FieldInfo) -> str:
+    """When a number that has a default must be given, in words; empty if never."""
+    extra = info.json_schema_extra
+    return str(extra.get("required", "")) if isinstance(extra, dict) else ""
+
+
 def default_of(info: FieldInfo) -> str:
     """Default of a number in words, or when it is required."""
-    extra = info.json_schema_extra
-    when = str(extra.get("required", "")) if isinstance(extra, dict) else ""
+    when = required_when(info)
     if info.is_required() or when:
         return f"required {when}".strip()
     return f"{info.default}"

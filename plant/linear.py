@@ -19,7 +19,7 @@ INPUTS = {
     "resistance_factor": "resistance_factor",
     "inflow": "inflow",
 }
-"""Inputs of the linear model, in order: P/D command, rack (or voltage), d_c1, u_x."""
+"""Inputs of the linear model, in order: P/D command, rack (voltage, torque, speed), d_c1, u_x."""
 
 
 def linearise(
@@ -57,6 +57,8 @@ def linearise(
     blade = float(np.real(point.outputs.pitch_ratio))
 
     def derivatives(shifted: State, acted: Inputs) -> tuple[list[float], list[float]]:
+        if not ship.turns_freely:  # then an input, and no state
+            shifted = shifted._replace(shaft_speed=acted.drive)
         rate, out = evaluate(plant, shifted, acted, blade, False)
         values = {**shifted._asdict(), **out._asdict()}
         return (

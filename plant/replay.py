@@ -49,8 +49,9 @@ def _fill_inflow(
 class Replay:
     """One recording's inputs, ready to drive a ship many times.
 
-    Demands are held between rows; submergence and measured inflow are linear between them. The inflow at
-    the propeller is then the measured one, whatever wake or current the ship's record has.
+    Demands are held between rows, but a speed at which the shaft is held is linear between them, as are
+    submergence and measured inflow. The inflow at the propeller is then the measured one, whatever wake
+    or current the ship's record has.
 
     Args:
         ship: the ship.
@@ -81,6 +82,9 @@ class Replay:
         if ship.has_variable_pitch and "pitch_ratio_command" in table:
             self.command = self._column("pitch_ratio_command")
         self.drive, self.pitch = self._held(self.drive_rows), self._held(self.command)
+        if not ship.turns_freely:  # led from each measured speed to the next
+            ends = self.dt * np.arange(1.0, len(self.drive) + 1.0)
+            self.drive = np.interp(ends, self.time_s, self.drive_rows)
         self.elevation_rows = np.zeros(self.rows)
         if WATER[0] in table:
             self.elevation_rows = self._column(WATER[0]) - ship.propeller.depth_m
@@ -115,6 +119,8 @@ class Replay:
             first = {SHAFT_SPEED: self._turning(max(count, 3))[1]} | first
         if not self.ship.moves:
             first["ship_speed_m_s"] = 0.0
+        if not self.ship.turns_freely:
+            first[SHAFT_SPEED] = float(self.drive_rows[0])
         if not self.ship.has_variable_pitch:
             first["pitch_ratio"] = self.ship.propeller.pitch_ratio_max
         if len(first) < len(_START):

@@ -9,29 +9,40 @@ import numpy as np
 from ..core.compiled import Real, Record, compiled
 from .keys import Section, effect, number
 
+FREE = "turns_freely"
+UNLESS_HELD = "unless the drive holds its speed"
+
 
 class Transmission(Section):
     """Gearbox, inertias on either side of the torque gauge, friction."""
 
-    gear_ratio: float = number("engine speed / shaft speed", record="gear_ratio", gt=0, le=100)
-    efficiency: float = number("eta_trm", record="transmission_efficiency", gt=0.3, le=1)
+    gear_ratio: float = number(
+        "engine speed / shaft speed", record="gear_ratio", needs=FREE, required=UNLESS_HELD,
+        gt=0, le=100, default=1.0,
+    )  # fmt: skip
+    efficiency: float = number(
+        "eta_trm", record="transmission_efficiency", needs=FREE, required=UNLESS_HELD,
+        gt=0.3, le=1, default=1.0,
+    )  # fmt: skip
     inertia_engine_side_kg_m2: float = number(
-        "I_L, at the propeller shaft", "kg m2", record="inertia_engine_side", gt=0, le=1e9
-    )
+        "I_L, at the propeller shaft", "kg m2", record="inertia_engine_side", needs=FREE,
+        required=UNLESS_HELD, gt=0, le=1e9, default=0.0,
+    )  # fmt: skip
     inertia_propeller_side_kg_m2: float = number(
-        "I_R", "kg m2", record="inertia_propeller_side", ge=0, le=1e9
-    )
+        "I_R", "kg m2", record="inertia_propeller_side", required=UNLESS_HELD, ge=0, le=1e9,
+        default=0.0,
+    )  # fmt: skip
     stiction_speed_rad_s: float = number(
         "speed below which Coulomb friction sticks: it is M tanh(omega / this)", "rad/s",
         record="stiction_speed", gt=0, le=10, default=0.05,
     )  # fmt: skip
     coulomb_friction_engine_side_N_m: float = effect(
         0.0, "Coulomb friction before the gauge, at the propeller shaft", "N m",
-        record="coulomb_engine_side", ge=0, le=1e7,
+        record="coulomb_engine_side", needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
     viscous_friction_engine_side_N_m_s_rad: float = effect(
         0.0, "viscous friction before the gauge", "N m s/rad", record="viscous_engine_side",
-        ge=0, le=1e7,
+        needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
     coulomb_friction_propeller_side_N_m: float = effect(
         0.0, "Coulomb friction behind the gauge", "N m", record="coulomb_propeller_side",

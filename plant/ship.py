@@ -11,11 +11,21 @@ from pydantic import Field, model_validator
 from .actuators import PitchActuator
 from .drives import Diesel, Drive
 from .hull import Hull
-from .keys import LACKING, KeyInfo, Number, Section, info_of, needs_of, record_field, require
+from .keys import (
+    LACKING,
+    KeyInfo,
+    Number,
+    Section,
+    info_of,
+    needs_of,
+    record_field,
+    require,
+    required_when,
+)
 from .memory import HISTORY, Sensors
 from .propeller import Propeller
 from .record import record_of
-from .shaft import Transmission
+from .shaft import UNLESS_HELD, Transmission
 from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
 from .term_kernel import MAX_TERMS
@@ -38,7 +48,7 @@ class Ship(Section):
     propeller: Propeller
     ventilation: Ventilation = Ventilation()
     prime_mover: Annotated[Drive, Field(discriminator="type")]
-    transmission: Transmission
+    transmission: Transmission = Transmission()
     pitch_actuator: PitchActuator = PitchActuator()
     sensors: Sensors = Sensors()
     integration: Integration = Integration()
@@ -63,9 +73,24 @@ class Ship(Section):
             self.number(key)
         if self.has_propeller:
             require(self.water, ("density_kg_m3",), "with a propeller", "water.")
+        if self.turns_freely:
+            keys = [
+                k for k, i in Transmission.model_fields.items() if required_when(i) == UNLESS_HELD
+            ]
+            require(self.transmission, tuple(keys), UNLESS_HELD, "transmission.")
+        for term in self.term:
+            if term.acts_on in ("drive", "drive_torque") and not self.turns_freely:
+                raise ValueError(
+                    f"term {term.id!r} acts on nothing: acts_on = {term.acts_on!r} on a shaft whose "
+                    "speed is held"
+                )
         lacking = self.unexplained.balance if self.unexplained else ""
         if lacking == "hull" and not self.moves:
             raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
+        if lacking == "engine" and not self.turns_freely:
+            raise ValueError(
+                "unexplained.balance = 'engine' asks for a shaft whose speed is not held"
+            )
         if lacking == "pitch-actuator" and not self.has_variable_pitch:
             raise ValueError("unexplained.balance = 'pitch-actuator' asks for a variable pitch")
         what, constant = self.prime_mover.time_constant
@@ -128,6 +153,16 @@ class Ship(Section):
         return self.propeller.model != "none"
 
     @property
+    def turns_freely(self) -> bool:
+        """Whether its shaft's speed follows from the torques on it, and is not held."""
+        return not self.prime_mover.holds_speed
+
+    @property
+    def has_line_shaft(self) -> bool:
+        """Whether friction behind the torque gauge is told from that of the drive: not on a motor."""
+        return self.drive_balance != "motor"
+
+    @property
     def has_variable_pitch(self) -> bool:
         """Whether its blades turn."""
         return self.propeller.pitch_ratio_min < self.propeller.pitch_ratio_max
@@ -139,13 +174,13 @@ class Ship(Section):
 
     @property
     def drive_balance(self) -> str:
-        """Balance of its prime mover: ``engine`` or ``motor``."""
+        """Balance of its prime mover: ``engine`` or ``motor``; empty where its speed is held."""
         return self.prime_mover.balance
 
     @property
     def balances(self) -> tuple[str, ...]:
         """Balances that an effect on this ship may act in."""
-        own = [self.drive_balance]
+        own = [self.drive_balance] if self.drive_balance else []
         own += ["propeller", "sensor"] if self.has_propeller else ["sensor"]
         own += ["hull"] if self.moves else []
         return (*own, "pitch-actuator") if self.has_variable_pitch else tuple(own)

@@ -124,7 +124,7 @@ class Schedule:
     Commands are held over each step; disturbances are continuous.
 
     Args:
-        drive: fuel rack [mm], voltage [V] or torque [N m].
+        drive: fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s].
         pitch_command: P/D [-].
         inflow: disturbance u_x of the advance velocity, the sea's apart [m/s].
         resistance_factor: d_c1 [-].

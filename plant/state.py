@@ -33,7 +33,7 @@ class State(NamedTuple):
     pitch_ratio: Annotated[
         Real, Where(lambda plant: plant["pitch_ratio_min"] < plant["pitch_ratio_max"])
     ]  # of the actuator [-]
-    shaft_speed: Real  # omega [rad/s]
+    shaft_speed: Annotated[Real, Where(lambda plant: plant["speed_held"] == 0)]  # omega [rad/s]
     ship_speed: Annotated[Real, Where(lambda plant: plant["hull_fixed"] == 0)]  # over ground [m/s]
     # nothing depends on the position but the phase of the waves
     position: Annotated[Real, Where(lambda plant: False)] = 0.0  # along the track [m]
@@ -155,7 +155,7 @@ def without_rates(state, rate, rate_beside):
 class Inputs(NamedTuple):
     """What acts on the plant at one instant."""
 
-    drive: Real  # fuel rack [mm], voltage [V] or torque [N m]
+    drive: Real  # fuel rack [mm], voltage [V], torque [N m] or speed [rad/s]
     pitch_command: Real  # P/D [-]
     inflow: Real = 0.0  # disturbance u_x of the advance velocity [m/s]
     inflow_slope: float = 0.0  # of the wave field along the track [1/s]
@@ -163,6 +163,7 @@ class Inputs(NamedTuple):
     elevation: Real = 0.0  # of the surface above the propeller [m]
     resistance_factor: Real = 1.0  # d_c1 [-]
     time: Real = 0.0  # since the start [s]
+    drive_rate: Real = 0.0  # of a speed that is held [rad/s2]
 
 
 class Outputs(NamedTuple):

@@ -127,7 +127,11 @@ def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[st
         drive_column(ship): float(plant["drive_max"] - plant["drive_min"]),
         "pitch_ratio_command": float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
     }
+    sails = table.get("ship_speed_m_s", pd.Series([0.0])).abs()
+    loaded = float(np.ptp(sails)) > _DULL_DEMAND * float(sails.max())
     for column in demands(ship, table):
+        if not ship.turns_freely and loaded:  # the ship's speed moves the propeller's load
+            continue
         low, high = np.percentile(table[column], (2.5, 97.5))
         if high - low < _DULL_DEMAND * spans[column]:
             said.append(

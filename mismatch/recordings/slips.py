@@ -97,7 +97,7 @@ def range_of(column: str, ship: Ship) -> str:
     plant = ship.record()
     if column == "pitch_ratio_command":
         low, high = plant["pitch_ratio_min"], plant["pitch_ratio_max"]
-    elif column == SHAFT_SPEED:
+    elif column == SHAFT_SPEED and ship.turns_freely:
         top = top_speed(ship) / 3.0
         slow = plant["engine_speed_min"] / plant["gear_ratio"]
         low, high = (slow if ship.has_diesel else -top), top

@@ -64,10 +64,13 @@ class Yardstick:
         sane = all(abs(start[c]) <= limit for c, limit in self._reach.items() if c in table)
         if SHAFT_SPEED in table and (start[SHAFT_SPEED] < 0.0) != (start[self._drive] < 0.0):
             table = table.assign(**{SHAFT_SPEED: -table[SHAFT_SPEED]})
-        steady = table.drop(columns=[c for c in self._reach if c in table])
+        known = [c for c in self._reach if c in table and c != self._drive]
+        steady = table.drop(columns=known)
         if start[self._drive] < 0.0:  # steady states are found ahead only
             pitch = table.get("pitch_ratio_command", self.ship.propeller.pitch_ratio_max)
-            steady = steady.assign(pitch_ratio=pitch, ship_speed_m_s=0.0, **{SHAFT_SPEED: 0.0})
+            steady = steady.assign(pitch_ratio=pitch, ship_speed_m_s=0.0)
+            if self._drive != SHAFT_SPEED:
+                steady[SHAFT_SPEED] = 0.0
         for candidate in (table, steady) if sane else (steady,):
             with np.errstate(all="ignore"), suppress(RecordingError):
                 sailed = simulate_recording(self.ship, candidate)

@@ -83,7 +83,8 @@ class Effect:
         term: that the effect is, with its numbers at values that change nothing; None where the
             parameters are keys of the ship's file.
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
-            ``has_propeller``, ``has_variable_pitch``; beside having the balance and the keys.
+            ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``; beside having the balance
+            and the keys.
     """
 
     id: str

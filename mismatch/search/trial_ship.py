@@ -150,7 +150,8 @@ def scales(balances: Balances) -> Mapping[str, float]:
         "drive": typical(drive),
         "drive_top": float(np.abs(drive).max()),
         "current_top": float(np.abs(samples["motor_current"]).max()),
-        "inertia": float(plant["inertia_propeller_side"])
-        + 0.1 * float(plant["inertia_engine_side"]),
+        "inertia": max(
+            float(plant["inertia_propeller_side"]) + 0.1 * float(plant["inertia_engine_side"]), 1e-9
+        ),
         "sigma_top": float(number),
     }

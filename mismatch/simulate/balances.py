@@ -15,7 +15,7 @@ smear over the others, as it does in the channels of an open-loop simulation.
 Where a recording has the shaft's angle and not its speed, the speed is the angle's derivative at the
 recording's interval. The residual is a coordinate, not the model: it is formed alike from measured and
 from simulated signals, and what is compared is their difference. Without a torque gauge, engine and
-propeller are one balance.
+propeller are one balance. A drive that holds its speed has no balance.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def _loads_at(
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
         state = motion_state(pitch_ratio[k], shaft_speed[k], ship_speed[k])
-        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0)
+        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0)
         acting = loads(plant, state, acts, pitch_ratio[k])
         drive_torque[k] = acting.drive_torque
         load_torque[k] = acting.load_torque
@@ -97,8 +97,10 @@ class Balances:
         # a pitch that never moves is known no better than its unknown resolution
         if replay.controllable and np.ptp(replay.recorded.get("pitch_ratio", 0.0)) > 0.0:
             rows.append(("pitch-actuator", "-"))
-        if SHAFT_SPEED in replay.channels or SHAFT_ANGLE in replay.channels:
-            rows.append((self.prime_mover, "N m"))
+        held = not replay.ship.turns_freely
+        if held or SHAFT_SPEED in replay.channels or SHAFT_ANGLE in replay.channels:
+            if not held:
+                rows.append((self.prime_mover, "N m"))
             if self.gauged:
                 rows.append(("propeller" if replay.ship.has_propeller else "load", "N m"))
         if self.moving:

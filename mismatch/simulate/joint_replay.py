@@ -74,7 +74,11 @@ class JointReplay:
             return np.concatenate([getattr(run, name) for run in self.runs])
 
         self.drive_rows, self.command = joined("drive_rows"), joined("command")
-        self.excited = any(_moves(signal) for signal in (self.drive_rows, self.command))
+        loading = [self.drive_rows, self.command]
+        if not ship.turns_freely and "ship_speed_m_s" in self.channels:
+            # at a speed that is held, it is the ship's that changes the propeller's load
+            loading.append(self.recorded["ship_speed_m_s"])
+        self.excited = any(_moves(signal) for signal in loading)
         self.elevation_rows = joined("elevation_rows")
         self.inflow_rows = np.concatenate([run.inflow_rows(ship.record()) for run in self.runs])
 

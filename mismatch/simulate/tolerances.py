@@ -57,7 +57,7 @@ def tolerance_records(
         for record, start in off("propeller.thrust_coefficient", field="kt"):
             record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
             yield record, start
-    for side in ("engine", "propeller"):
+    for side in ("engine", "propeller") if ship.turns_freely else ("propeller",):
         yield from off(f"transmission.inertia_{side}_side_kg_m2")
     if ship.has_propeller and "propeller.torque_coefficient" not in told:
         yield from off("propeller.relative_rotative_efficiency", power=-1.0)
@@ -74,8 +74,9 @@ def tolerance_records(
     for key, deviation in known.numbers.items():
         if key not in free and scale * deviation > 0.0:
             yield _with(ship.record(), ship.number(key), scale * deviation), UNMOVED
-    shaft = max(abs(replay.start[1]), 1.0)
-    yield ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0)
+    if ship.turns_freely:
+        shaft = max(abs(replay.start[1]), 1.0)
+        yield ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0)
     if replay.controllable:
         yield ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0)
     if ship.moves:

@@ -16,7 +16,9 @@ class PrimeMover(Section):
     code: ClassVar[int]
     """Its number in ``plant.prime_mover``."""
     balance: ClassVar[str]
-    """Balance in which its own effects act: ``engine`` or ``motor``."""
+    """Balance in which its own effects act: ``engine`` or ``motor``; none where its speed is held."""
+    holds_speed: ClassVar[bool] = False
+    """Whether the shaft's speed is its demand; the shaft's balance is then not simulated."""
     demand: ClassVar[Signal]
     """What commands it."""
 

@@ -194,7 +194,8 @@ NOMINAL = {
                     "torque_limit_slope_N_m_s_rad", "fuel_base_g_kWh", "fuel_rated_power_W",
                     "fuel_p0_s1", "fuel_p0_s2", "fuel_p1_s0", "fuel_p1_s1", "fuel_p1_s2",
                     "fuel_p2_s0", "fuel_p2_s1", "fuel_p3_s0"},
-    "transmission": {"stiction_speed_rad_s"},
+    "transmission": {"gear_ratio", "efficiency", "inertia_engine_side_kg_m2",
+                     "inertia_propeller_side_kg_m2", "stiction_speed_rad_s"},
     "pitch_actuator": {"time_constant_s"},
     "sensors": set(),
 }  # fmt: skip

@@ -101,9 +101,10 @@ def test_all_mistakes_are_named_at_once(edited: Edit) -> None:
          "f: prime_mover.rack_max_mm is missing (unit mm; allowed: > 0 and <= 200)"),
         ({"prime_mover.colour": 1.0}, "f: prime_mover.colour is not a known key"),
         ({"prime_mover.type": "steam"},
-         "f: prime_mover.type = 'steam' is unknown (allowed: dc-motor, diesel, torque-command)"),
+         "f: prime_mover.type = 'steam' is unknown (allowed: dc-motor, diesel, "
+         "speed-command, torque-command)"),
         ({"prime_mover.type": None},
-         "f: prime_mover.type is missing (allowed: dc-motor, diesel, torque-command)"),
+         "f: prime_mover.type is missing (allowed: dc-motor, diesel, speed-command, torque-command)"),
         ({"hull.mass_kg": -1.0},
          "f: hull.mass_kg = -1.0: input should be greater than 0 (unit kg; allowed: > 0 and <= 1e+09)"),
         ({"prime_mover.speed_min_rpm": 1e3},
@@ -141,4 +142,9 @@ def test_a_right_ship_passes() -> None:
 def test_kinds_of_a_union_and_their_tags() -> None:
     assert kinds(Drive)[:2] == (Diesel, DcMotor)
     assert kinds(Hull) == (Hull,)
-    assert [tag_of(kind) for kind in kinds(Drive)] == ["diesel", "dc-motor", "torque-command"]
+    assert [tag_of(kind) for kind in kinds(Drive)] == [
+        "diesel",
+        "dc-motor",
+        "torque-command",
+        "speed-command",
+    ]

@@ -146,6 +146,20 @@ def test_the_speed_of_an_angle_is_its_derivative(bench: Ship) -> None:
     assert both.residuals(both.replay.recorded)[0] == pytest.approx(by_speed)
 
 
+def test_a_drive_that_holds_its_speed_has_no_balance(bench: Ship) -> None:
+    tree = bench.model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 60.0}
+    held = Ship.model_validate(tree)
+    hand = by_hand()
+    found = residuals(held, table(shaft_torque_N_m=TORQUE, thrust_N=100.0 + TIME))
+    assert list(found) == ["propeller", "thrust"]
+    assert found["thrust"] == pytest.approx(100.0 + TIME - hand["thrust"], abs=1e-9)
+    assert found["propeller"] == pytest.approx(
+        (0.01 + 0.003) * hand["spin"] + hand["load"] - TORQUE, abs=1e-9
+    )
+    assert list(residuals(held, table(thrust_N=TIME))) == ["thrust"]
+
+
 def test_units_stand_beside_the_names(bench: Ship) -> None:
     balances = Balances(
         JointReplay(bench, table(shaft_torque_N_m=TORQUE, thrust_N=TIME, motor_current_A=TIME))

@@ -120,6 +120,17 @@ def test_demands_excite_where_they_move_a_twentieth_of_their_size(
     )
 
 
+def test_at_a_speed_that_is_held_the_ships_speed_excites(frigate: Ship) -> None:
+    tree = frigate.model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
+    held = Ship.model_validate(tree)
+    table = steady().assign(shaft_speed_rad_s=10.0, ship_speed_m_s=8.0)
+    assert not JointReplay(held, table).excited
+    slowing = table.assign(ship_speed_m_s=np.linspace(8.0, 6.0, 101))
+    assert JointReplay(held, slowing).excited
+    assert not JointReplay(frigate, slowing).excited
+
+
 def test_a_demand_that_moves_for_a_moment_does_not_excite(frigate: Ship) -> None:
     rows = np.arange(101)
     assert not JointReplay(frigate, steady(rack=np.where(rows < 2, 10.0, 20.0))).excited
