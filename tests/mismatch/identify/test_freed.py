@@ -51,10 +51,9 @@ def test_a_search_may_pass_where_the_time_step_does_not_fit() -> None:
 
 
 def test_a_term_s_numbers_may_be_found() -> None:
-    term = Term(
-        id="drag", acts_on="load_torque", expression="c * shaft_speed",
-        parameters={"c": {"value": 1e-5, "unit": "N m s/rad", "low": 0.0, "high": 1.0}},
-    )  # fmt: skip
+    own = {"c": {"value": 1e-5, "unit": "N m s/rad", "low": 0.0, "high": 1.0}}
+    said = {"id": "drag", "acts_on": "load_torque", "expression": "c * shaft_speed"}
+    term = Term.model_validate({**said, "parameters": own})
     ship = tug().with_term(term)
     assert number_of(ship, "term.drag.c")[0] == 1e-5
     assert freed(ship, ("term.drag.c",), ()).on([2e-5]).number("term.drag.c").value == 2e-5
