@@ -16,7 +16,7 @@ from ...plant.ship_errors import ShipError
 RATIO = ("propeller.torque_coefficient", "propeller.relative_rotative_efficiency")
 """KQ and eta_R: torque on the shaft tells their ratio and nothing else."""
 
-INDISTINCT = 1e-7
+INDISTINCT = 1e-5
 """Least singular value, over the largest, of numbers that act each in its own way."""
 
 
@@ -133,7 +133,7 @@ def refuse_indistinct(keys: Sequence[str], jacobian: NDArray[np.float64], method
         ValueError: names the numbers that can change together without any change of what is compared.
     """
     norms = np.linalg.norm(jacobian, axis=0)
-    silent = [key for key, norm in zip(keys, norms, strict=True) if norm == 0.0]
+    silent = [key for key, norm in zip(keys, norms, strict=True) if norm <= 1e-12 * norms.max()]
     if silent:
         raise ValueError(f"{method}: nothing that it compares depends on {', '.join(silent)}")
     _, sizes, directions = np.linalg.svd(jacobian / norms, full_matrices=True)

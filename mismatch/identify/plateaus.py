@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import TIME, drive_column
+from ...plant.columns import drive_column
 from ...plant.ship import Ship
-from ..recordings.noise import describe
+from ..recordings.noise import white_rms
 
 CHANNELS = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s", "motor_current_A")
 """Measured columns that must be steady, where the recording has them."""
@@ -19,7 +19,7 @@ CHANNELS = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s", "motor_current
 HELD = 0.003
 """Share of the demand's range by which a held demand may move, besides its noise."""
 
-SETTLED = 0.002
+SETTLED = 0.0005
 """Share of a channel's spread within which it has come to rest, besides the noise of its means."""
 
 BLOCKS = 20
@@ -62,8 +62,7 @@ def plateaus(ship: Ship, table: pd.DataFrame) -> list[Plateau]:
     channels = {c: table[c].to_numpy(dtype=np.float64) for c in CHANNELS if c in table}
     demands = [column, "pitch_ratio_command"] if ship.has_variable_pitch else [column]
     held = {c: table[c].to_numpy(dtype=np.float64) for c in demands if c in table}
-    moves = _moves(held, float(table[TIME].iloc[1] - table[TIME].iloc[0]))
-    edges = [0, *moves, len(table)]
+    edges = [0, *_moves(held), len(table)]
     spread = {c: float(np.ptp(values)) for c, values in channels.items()}
     found = []
     for begin, end in itertools.pairwise(edges):
@@ -76,15 +75,15 @@ def plateaus(ship: Ship, table: pd.DataFrame) -> list[Plateau]:
     return found
 
 
-def _tolerance(values: NDArray[np.float64], interval_s: float) -> float:
-    return max(6.0 * describe(values, interval_s).white_rms, HELD * float(np.ptp(values)), 1e-12)
+def _tolerance(values: NDArray[np.float64]) -> float:
+    return max(8.0 * white_rms(values), HELD * float(np.ptp(values)), 1e-12)
 
 
-def _moves(held: dict[str, NDArray[np.float64]], interval_s: float) -> list[int]:
+def _moves(held: dict[str, NDArray[np.float64]]) -> list[int]:
     """Rows at which a demand takes a new value."""
     moved = np.zeros(len(next(iter(held.values()))) - 1, dtype=bool)
     for values in held.values():
-        moved |= np.abs(np.diff(values)) > _tolerance(values, interval_s)
+        moved |= np.abs(np.diff(values)) > _tolerance(values)
     return [int(row) + 1 for row in np.flatnonzero(moved)]
 
 
@@ -97,6 +96,12 @@ def _is_held(held: dict[str, NDArray[np.float64]], begin: int, end: int) -> bool
     return True
 
 
+def _straightened(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values without their mean and trend."""
+    place = np.arange(len(values))
+    return np.asarray(values - np.polyval(np.polyfit(place, values, 1), place))
+
+
 def _settled(
     channels: dict[str, NDArray[np.float64]], spread: dict[str, float], begin: int, end: int
 ) -> int | None:
@@ -106,13 +111,14 @@ def _settled(
     for column, values in channels.items():
         means = np.array([values[part].mean() for part in rows])
         last = means[-BLOCKS // 3 :]
-        noise = float(np.std(last, ddof=1))
-        off = np.abs(means - last.mean()) > max(SETTLED * spread[column], 4.0 * noise)
+        white = white_rms(values[begin:end]) / np.sqrt(len(rows[0]))
+        noise = max(float(np.std(_straightened(means[BLOCKS // 2 :]), ddof=2)), white)
+        off = np.abs(means - last.mean()) > max(SETTLED * spread[column], 5.0 * noise)
         first = max(first, int(np.flatnonzero(off)[-1]) + 2 if off.any() else 1)
         # what still drifts is no rest, however large the noise of its blocks
         rest = means[first:]
         if len(rest) >= BLOCKS // 4:
             drift = np.polyfit(np.arange(len(rest)), rest, 1)[0] * len(rest)
-            if abs(drift) > max(2.0 * SETTLED * spread[column], 5.0 * noise):
+            if abs(drift) > max(2.0 * SETTLED * spread[column], 6.0 * noise):
                 return None
     return int(rows[first][0]) if first <= BLOCKS - BLOCKS // 4 else None

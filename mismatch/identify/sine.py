@@ -41,6 +41,9 @@ FADED = 8.0
 PURE = 0.1
 """Most that a demand may differ from a sine, rms over rms."""
 
+FEWEST = 8
+"""Rows below which no sine is told."""
+
 SAME_POINT = 0.03
 """Share by which the working points of sines may differ that are taken together."""
 
@@ -115,9 +118,10 @@ def sines(demand: NDArray[np.float64], interval_s: float) -> list[Excitation]:
     """
     found: list[Excitation] = []
     for begin, end in _runs(_crossings(demand - _middle(demand))):
+        least = found[-1].end if found else 0
+        begin = max(begin, least)
         frequency = _frequency(demand[begin:end], interval_s)
         if frequency is not None:
-            least = found[-1].end if found else 0
             half = round(math.pi / frequency / interval_s)
             wide = slice(max(begin - half, least), min(end + half, len(demand)))
             before, behind = _alike(demand, wide, begin, end, frequency * interval_s)
@@ -191,6 +195,8 @@ def _phasor(values: NDArray[np.float64], basis: NDArray[np.float64]) -> tuple[co
 def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
     """Frequency [rad/s] of a demand over whole periods; None of one that is no sine."""
     rows = len(demand)
+    if rows < FEWEST:
+        return None
     spectrum = np.abs(np.fft.rfft(demand - demand.mean()))
     strongest = max(int(np.argmax(spectrum)), 1)
     unit = 2.0 * math.pi / (rows * interval_s)
@@ -201,7 +207,7 @@ def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
         return float(np.sum((demand - fitted) ** 2))
 
     best = minimize_scalar(
-        left, bounds=((strongest - 0.5) * unit, (strongest + 0.5) * unit), method="bounded",
+        left, bounds=(max(strongest - 1.0, 0.4) * unit, (strongest + 1.0) * unit), method="bounded",
         options={"xatol": 1e-7 * unit * strongest},
     )  # fmt: skip
     swing = float(np.sum((demand - demand.mean()) ** 2))

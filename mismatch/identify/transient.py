@@ -159,7 +159,9 @@ def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, floa
     current = one.current_rise / point.current / size
     band = current + model.current_gain * np.expm1(slow * one.time)  # less the low-pass part
     crossed = np.flatnonzero(band[1:] > 0.632 * model.drive)
-    if not len(crossed) or band[1] > 0.98 * model.drive:  # or all over before the first sample
+    if not len(crossed) or band[1] > 0.98 * model.drive * math.exp(
+        slow * one.time[1]
+    ):  # or all over before the first sample
         return math.nan, math.nan
     reached = SHORT * one.time[1 + int(crossed[0])]
     inside = slice(1, max(2, int(np.sum(one.time <= reached))))

@@ -73,6 +73,7 @@ ON_THE_FRIGATE: list[tuple[str, str, dict[str, Any]]] = [
     ("torque-sensor-bias", "sensor", {"sensors.torque_bias_N_m": -9000.0}),
     ("torque-sensor-gain", "sensor", {"sensors.torque_gain": 0.93}),
     ("torque-sensor-delay", "sensor", {"sensors.torque_delay_s": 0.8}),
+    ("speed-sensor-delay", "sensor", {"sensors.speed_delay_s": 0.6}),
     ("speed-log-lag", "sensor", {"sensors.speed_log_lag_s": 15.0}),
 ]
 
