@@ -1,8 +1,11 @@
 """The plant as the model of the augmented filter: kernels.
 
-An estimate stands in three places: as z = (states, numbers), in the record of the state, and in the two
-records of the ship, one real for the prediction and one complex for the slopes. A record is written
-word by word, for a kernel cannot choose a field by name at run time.
+An estimate stands in three places: as z = (states, disturbance, numbers), in the record of the state,
+and in the two records of the ship, one real for the prediction and one complex for the slopes. A record
+is written word by word, for a kernel cannot choose a field by name at run time.
+
+The disturbance u of the inflow, du/dt = -u / T + w, is what a sea does to the propeller; with a spread
+and a density of 0 it is not there.
 """
 
 from __future__ import annotations
@@ -42,7 +45,7 @@ class Model(NamedTuple):
     state_words: Floats
     rate: Any  # STATE, shape (1,); what a kernel has just worked out
     rate_words: Floats
-    slots: Ints  # of each estimated state, its word in a STATE record
+    slots: Ints  # of each estimated state, its word in a STATE record; the disturbance follows in z
     units: Any  # STATE, shape (n,): which way a state moves along each part of z
     owner: Ints  # of each word that a number moves, which number
     word: Ints  # its place in the ship's record
@@ -55,6 +58,7 @@ class Model(NamedTuple):
     channels: Ints  # what is measured
     noise: Floats  # variance of each channel
     process: Floats  # densities of z
+    forgetting: float  # 1 / T of the disturbance [1/s]
 
 
 class Course(NamedTuple):
@@ -88,6 +92,7 @@ def _reading(plant: Record, state: State, outputs: Outputs, channel: int) -> Rea
 def _put(model: Model, z: Floats) -> None:
     """Write an estimate into the records."""
     states = len(model.slots)
+    first = states + 1
     for i in range(states):
         model.state_words[model.slots[i]] = z[i]
     for k in range(len(model.word)):
@@ -95,7 +100,7 @@ def _put(model: Model, z: Floats) -> None:
     for k in range(len(model.word)):
         number = model.owner[k]
         value = model.plant_words[model.word[k]]
-        value += model.slope[k] * (z[states + number] - model.start[number])
+        value += model.slope[k] * (z[first + number] - model.start[number])
         model.plant_words[model.word[k]] = value
         model.twin_words[model.twin_word[k]] = value
 
@@ -104,23 +109,35 @@ def _put(model: Model, z: Floats) -> None:
 def _move_along(model: Model, i: int, step: float) -> None:
     """Give the words of number ``i``, counted in z, an imaginary part."""
     for k in range(len(model.word)):
-        if len(model.slots) + model.owner[k] == i:
+        if len(model.slots) + 1 + model.owner[k] == i:
             model.twin_words[model.twin_word[k] + 1] = step * model.slope[k]
+
+
+@compiled
+def _disturbed(inputs: Inputs, more: Real) -> Inputs:
+    """The same with more inflow [m/s]."""
+    return Inputs(
+        inputs.drive, inputs.pitch_command, inputs.inflow + more, inputs.inflow_slope,
+        inputs.inflow_position, inputs.elevation, inputs.resistance_factor, inputs.time,
+    )  # fmt: skip
 
 
 @compiled_apart
 def _slopes_of_rates(model: Model, now: State, inputs: Inputs, memory: Record, f: Floats) -> None:
     """F, derivative of the states' rates to all of z; filled."""
+    disturbance = len(model.slots)
     for i in range(len(f)):
         _move_along(model, i, STEP)
+        along = _disturbed(inputs, 1j * (STEP if i == disturbance else 0.0))
         slope, _ = derivatives(
-            model.twin[0], now, inputs, memory.blade_pitch, memory.ventilated != 0,
+            model.twin[0], now, along, memory.blade_pitch, memory.ventilated != 0,
             get_state(model.units[i]),
         )  # fmt: skip
         _move_along(model, i, 0.0)
         set_state(model.rate[0], slope)
         for j in range(len(model.slots)):
             f[j, i] = model.rate_words[model.slots[j]]
+    f[disturbance, disturbance] = -model.forgetting
 
 
 @compiled_apart
@@ -129,9 +146,10 @@ def _slopes_of_readings(model: Model, inputs: Inputs, memory: Record, h: Floats)
     now = get_state(model.state[0])
     for i in range(h.shape[1]):
         _move_along(model, i, STEP)
+        along = _disturbed(inputs, 1j * (STEP if i == len(model.slots) else 0.0))
         shifted = moved(now, get_state(model.units[i]), STEP * 1j)
         _, outputs = evaluate(
-            model.twin[0], shifted, inputs, memory.blade_pitch, memory.ventilated != 0
+            model.twin[0], shifted, along, memory.blade_pitch, memory.ventilated != 0
         )
         for c in range(len(model.channels)):
             read = _reading(model.twin[0], shifted, outputs, model.channels[c])
@@ -146,9 +164,10 @@ def _take_in(
 ) -> float:  # fmt: skip
     """Correct an estimate by the readings of one instant; gives their 2 log L."""
     _put(model, z)
-    now = get_state(model.state[0])
-    _slopes_of_readings(model, inputs, memory, h)
-    _, outputs = evaluate(model.plant[0], now, inputs, memory.blade_pitch, memory.ventilated != 0)
+    now, blade, ventilated = get_state(model.state[0]), memory.blade_pitch, memory.ventilated != 0
+    met = _disturbed(inputs, z[len(model.slots)])
+    _slopes_of_readings(model, met, memory, h)
+    _, outputs = evaluate(model.plant[0], now, met, blade, ventilated)
     before = z.copy()
     likelihood = 0.0
     for c in range(len(model.channels)):
@@ -160,9 +179,9 @@ def _take_in(
             total = correct(z, p, h[c], innovation, model.noise[c], row)
             innovations[c] = innovation / np.sqrt(total)
             likelihood -= np.log(2.0 * np.pi * total) + innovation * innovation / total
-    states = len(model.slots)
+    first = len(model.slots) + 1
     for i in range(len(model.low)):
-        z[states + i] = min(max(z[states + i], model.low[i]), model.high[i])
+        z[first + i] = min(max(z[first + i], model.low[i]), model.high[i])
     _put(model, z)
     return likelihood
 
@@ -187,20 +206,23 @@ def _carry(
     """Predict over one step of the plant, as the plant itself takes it."""
     plant, dt = model.plant[0], course.dt
     time = memory.cursor * dt
-    start = _acts(course, plant, memory, step, 0, time)
-    middle = _acts(course, plant, memory, step, 1, time + 0.5 * dt)
-    end = _acts(course, plant, memory, step, 2, time + dt)
+    fades = np.exp(-0.5 * dt * model.forgetting)
+    u = z[len(model.slots)]
+    start = _disturbed(_acts(course, plant, memory, step, 0, time), u)
+    middle = _disturbed(_acts(course, plant, memory, step, 1, time + 0.5 * dt), u * fades)
+    end = _disturbed(_acts(course, plant, memory, step, 2, time + dt), u * fades * fades)
     now = get_state(model.state[0])
     blade, ventilated = memory.blade_pitch, memory.ventilated != 0
     rate, outputs = evaluate(plant, now, start, blade, ventilated)
     _slopes_of_rates(model, moved(now, rate, 0.5 * dt), middle, memory, f)
-    propagate(p, f, len(model.slots), model.process, dt, room)
+    propagate(p, f, len(model.slots) + 1, model.process, dt, room)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     following = runge_kutta(plant, now, rate, middle, end, blade, ventilated, dt)
     set_state(model.state[0], following)
     end_step(plant, memory, following.ship_speed, dt)
     for i in range(len(model.slots)):
         z[i] = model.state_words[model.slots[i]]
+    z[len(model.slots)] = u * fades * fades
 
 
 @compiled
@@ -217,7 +239,7 @@ def follow_course(
         course: what acts.
         memory: MEMORY array of shape (1,), settled on the first row; likewise.
         readings: shape (n, channels); NaN where an instrument gave nothing.
-        estimates: shape (n, states + numbers); filled with what is believed after each row.
+        estimates: shape (n, states + 1 + numbers); filled with what is believed after each row.
         variances: likewise.
         innovations: over their standard deviations, shape (n, channels); filled.
 

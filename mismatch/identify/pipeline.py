@@ -20,6 +20,7 @@ from ..recordings.joint import JointRecordings, Recorded, load_jointly
 from ..search.fitting import Fitter
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
+from .augmented import ekf
 from .automatic import told_by
 from .found import Found
 from .free import AUTO, Free
@@ -114,10 +115,27 @@ def _by_output_error(work: Work, free: Free) -> Found:
     return output_error(fitter, free, work.tick)
 
 
+def _by_filter(work: Work, free: Free) -> Found:
+    """The rows that may be fitted, cut out as recordings of their own."""
+    replay = work.balances.replay
+    tables = [
+        run.table.iloc[max(a, first) - first : min(b, last) - first].reset_index(drop=True)
+        for a, b in sorted(work.train)
+        for run, (first, last) in zip(replay.runs, replay.segments, strict=True)
+        if max(a, first) < min(b, last)
+    ]
+    return ekf(replay.ship, tables, free.keys, work.tick, tolerance=work.tolerance)
+
+
 METHODS: dict[str, Method] = {
     "output-error": Method(
         _by_output_error,
         "any recording: the simulation itself, under noise of any colour",
+        cut=True,
+    ),
+    "ekf": Method(
+        _by_filter,
+        "any recording of white noises: states and numbers together, row by row",
         cut=True,
     ),
 }

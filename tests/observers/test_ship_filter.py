@@ -10,8 +10,16 @@ import pandas as pd
 import pytest
 
 from shaftline.observers import ObserverError
-from shaftline.observers.ship_filter import ShipFilter
-from shaftline.plant import Schedule, Ship, equilibrium, load_ship, simulate
+from shaftline.observers.ship_filter import DISTURBANCE, ShipFilter
+from shaftline.plant import (
+    Schedule,
+    Ship,
+    equilibrium,
+    get_sea,
+    load_ship,
+    realise,
+    simulate,
+)
 from shaftline.plant.columns import MEASURED, drive_column
 from shaftline.plant.replay import Replay
 
@@ -65,8 +73,9 @@ def test_the_numbers_are_found_and_known_as_well_as_the_filter_says() -> None:
         followed = own.follow(Replay(own.ship, table, 2.0))
         errors = own.numbers - np.array([*TRUTH.values()])
         own_errors = np.sqrt(np.diag(own.covariance))
+        assert own.states == ("pitch_ratio", "shaft_speed", "ship_speed")
         np.testing.assert_allclose(followed.estimates[-1], own.z)
-        np.testing.assert_allclose(followed.standard_errors[-1, 3:], own_errors)
+        np.testing.assert_allclose(followed.standard_errors[-1, 4:], own_errors)
         assert np.all(np.abs(errors) < (2e-3, 50.0, 5e-4))
         scores.append(errors / own_errors)
         innovations = followed.innovations[100:]
@@ -200,7 +209,49 @@ def test_an_estimate_stays_inside_its_range() -> None:
     truth = load_ship("frigate")
     own = frigate_filter()
     followed = own.follow(Replay(truth, recording(truth, 60.0, NOISE), 2.0))
-    assert followed.estimates[:, 4].min() >= 0.0  # friction drives nothing
+    assert followed.estimates[:, 5].min() >= 0.0  # friction drives nothing
+
+
+def test_the_inflow_of_a_sea_is_followed_and_spoils_no_number() -> None:
+    """The disturbance is what waves add at the propeller; without it others would take its place."""
+    key = "hull.fouling_fraction"
+    truth = load_ship("frigate").with_values({key: 0.2})
+    begin = equilibrium(truth, 20.0, 1.3)
+    sea = get_sea("state-5")
+    assert sea is not None
+    waves = realise(sea, depth_m=4.0, seed=5)
+    samples = simulate(truth, Schedule(20.0, 1.3), 400.0, initial=begin.state, sea=waves)
+    rng = np.random.default_rng(0)
+    table = {"time_s": samples["time"], drive_column(truth): samples["drive"]}
+    table["pitch_ratio_command"] = samples["pitch_command"]
+    for column, sd in NOISE.items():
+        table[column] = samples[MEASURED[column]] + sd * rng.standard_normal(len(samples))
+    inflow = samples["advance_velocity"] - 0.95 * samples["ship_speed"]
+    own = ShipFilter(
+        load_ship("frigate"), [key], number_spread={key: 0.5}, noise=NOISE, state_spread=START,
+        state_walk={DISTURBANCE: 0.5},
+    )  # fmt: skip
+    followed = own.follow(Replay(own.ship, pd.DataFrame(table), 2.0))
+    error = followed.estimates[200:, 3] - inflow[200:]
+    assert inflow.std() > 0.4
+    assert error.std() < 0.1
+    assert own.numbers[0] == pytest.approx(0.2, abs=4.0 * math.sqrt(own.covariance[0, 0]))
+    assert math.sqrt(own.covariance[0, 0]) < 0.02
+
+
+def test_a_disturbance_that_is_not_read_fades() -> None:
+    """In 3 s to 1/e; its spread becomes the one that it has for ever."""
+    ship = load_ship("frigate")
+    table = recording(ship, 20.0, NOISE)
+    replay = Replay(ship, table)
+    replay.table = table.assign(shaft_torque_N_m=table["shaft_torque_N_m"] - 2e4)
+    replay.table.loc[101:, [*NOISE]] = math.nan
+    own = frigate_filter(state_walk={DISTURBANCE: 0.5})
+    followed = own.follow(replay)
+    u, error = followed.estimates[:, 3], followed.standard_errors[:, 3]
+    assert abs(u[100]) > 0.05
+    assert u[160] / u[100] == pytest.approx(math.exp(-1.0), rel=0.02)
+    assert error[-1] == pytest.approx(0.5 * math.sqrt(1.5), rel=0.02)
 
 
 @pytest.mark.parametrize(
