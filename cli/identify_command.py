@@ -38,7 +38,7 @@ def identify(
         str,
         typer.Option(
             help="Keys of the ship's file that may move, with commas between; or `auto`: those that "
-            "the recordings tell."
+            "the recordings tell, or that the method usually finds."
         ),
     ] = "auto",
     method: Annotated[

@@ -26,6 +26,10 @@ from .found import Found
 from .free import AUTO, Free
 from .identification import Identification
 from .output_error import output_error
+from .sine import sine
+from .steady import steady
+from .step import step
+from .welch import welch
 
 DEFAULT = "output-error"
 
@@ -78,13 +82,13 @@ def identify(
             else (balances.replay.segments, [])
         )
         left_out: dict[str, str] = {}
-        keys = tuple(free)
-        if isinstance(free, str):
+        keys = None if isinstance(free, str) else tuple(free)
+        if keys is None and METHODS[method].cut:
             tick("which numbers are told", 0, 1)
             keys, left_out = told_by(balances, train)
         fitted = together.tables[: len(together.tables) - together.held_out]
         work = Work(balances, fitted, train, tolerance, tick)
-        found = METHODS[method].find(work, Free(ship, keys))
+        found = METHODS[method].find(work, keys)
         tick("judging", 0, 1)
         identification = _judged(method, balances, found, held, together, left_out)
         tick("judging", 1, 1)
@@ -104,18 +108,19 @@ class Work(NamedTuple):
 class Method(NamedTuple):
     """A method of identification."""
 
-    find: Callable[[Work, Free], Found]
+    find: Callable[[Work, tuple[str, ...] | None], Found]  # by keys, or those that it usually finds
     words: str  # what it needs and does, in a line
     cut: bool = False  # whether it can do with a part of a recording
 
 
-def _by_output_error(work: Work, free: Free) -> Found:
+def _by_output_error(work: Work, keys: tuple[str, ...] | None) -> Found:
+    free = Free(work.balances.replay.ship, keys or ())
     bands = bands_of(work.balances, work.train)
     fitter = Fitter(work.balances, bands, work.tolerance, free.keys)
     return output_error(fitter, free, work.tick)
 
 
-def _by_filter(work: Work, free: Free) -> Found:
+def _by_filter(work: Work, keys: tuple[str, ...] | None) -> Found:
     """The rows that may be fitted, cut out as recordings of their own."""
     replay = work.balances.replay
     tables = [
@@ -124,7 +129,16 @@ def _by_filter(work: Work, free: Free) -> Found:
         for run, (first, last) in zip(replay.runs, replay.segments, strict=True)
         if max(a, first) < min(b, last)
     ]
-    return ekf(replay.ship, tables, free.keys, work.tick, tolerance=work.tolerance)
+    return ekf(replay.ship, tables, keys or (), work.tick, tolerance=work.tolerance)
+
+
+def _whole(method: Callable[..., Found]) -> Callable[[Work, tuple[str, ...] | None], Found]:
+    """A method that looks at whole recordings."""
+
+    def find(work: Work, keys: tuple[str, ...] | None) -> Found:
+        return method(work.balances.replay.ship, list(work.tables), keys, work.tick)
+
+    return find
 
 
 METHODS: dict[str, Method] = {
@@ -138,6 +152,10 @@ METHODS: dict[str, Method] = {
         "any recording of white noises: states and numbers together, row by row",
         cut=True,
     ),
+    "steady": Method(_whole(steady), "plateaus: least squares on steady states"),
+    "step": Method(_whole(step), "one step of a motor's voltage: inertia and inductance"),
+    "sine": Method(_whole(sine), "sines of a motor's voltage: frequency response by correlation"),
+    "welch": Method(_whole(welch), "noise on a motor's voltage: frequency response and coherence"),
 }
 """By name, the default first."""
 
