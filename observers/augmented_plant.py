@@ -119,6 +119,7 @@ def _disturbed(inputs: Inputs, more: Real) -> Inputs:
     return Inputs(
         inputs.drive, inputs.pitch_command, inputs.inflow + more, inputs.inflow_slope,
         inputs.inflow_position, inputs.elevation, inputs.resistance_factor, inputs.time,
+        inputs.drive_rate,
     )  # fmt: skip
 
 
@@ -195,7 +196,7 @@ def _acts(
     command = course.pitch[min(step, len(course.pitch) - 1)]
     factor = episode_factor(plant, memory.cursor * course.dt, course.dt)
     inflow, elevation = course.inflow[at], course.elevation[at]
-    return Inputs(memory.rack, command, inflow, 0.0, 0.0, elevation, factor, time)
+    return Inputs(memory.rack, command, inflow, 0.0, 0.0, elevation, factor, time, 0.0)
 
 
 @compiled_apart

@@ -71,7 +71,7 @@ def friction_torque(plant: Record, coulomb: float, viscous: float, shaft_speed: 
     """
     if coulomb == 0.0 and viscous == 0.0:
         return 0.0
-    if abs(shaft_speed.real) > 20.0 * plant.stiction_speed:
+    if abs(shaft_speed.real) > 20.0 * plant.stiction_speed.real:
         direction = math.copysign(1.0, shaft_speed.real)
     else:
         direction = np.tanh(shaft_speed / plant.stiction_speed)

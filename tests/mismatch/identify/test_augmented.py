@@ -10,7 +10,6 @@ import pytest
 
 from shaftline.mismatch.identify.augmented import ekf
 from shaftline.mismatch.identify.filter_noises import felt_at
-from shaftline.mismatch.identify.free import Free
 from shaftline.mismatch.identify.pipeline import METHODS, Work
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -154,6 +153,6 @@ def test_the_method_takes_what_is_not_set_aside() -> None:
     for recording in (table, spoilt):
         balances = Balances(JointReplay(ship, recording))
         work = Work(balances, (recording,), [(0, 601), (801, 1001)], 1.0, lambda *_: None)
-        calls.append(METHODS["ekf"].find(work, Free(ship, (FOULING,))))
+        calls.append(METHODS["ekf"].find(work, (FOULING,)))
     assert calls[0].values == calls[1].values
     assert calls[0].values[0] == pytest.approx(0.1, abs=3.5 * calls[0].standard_errors[0])
