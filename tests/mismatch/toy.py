@@ -67,6 +67,7 @@ class Toy:
     start = (1.2, 10.0, 7.0)
     segments = ((0, ROWS),)
     interval_s = 1.0
+    dt = 0.05
     rows = ROWS
     excited = True
 
