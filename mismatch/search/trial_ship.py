@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...plant.propeller import NO_PROPELLER, cavitation_number
+from ...plant.propeller import cavitation_number
+from ...plant.propeller_curves import NO_PROPELLER
 from ...plant.ship import Ship
 from ..simulate.balances import Balances
 from .catalogue import Effect, Parameter

@@ -51,6 +51,7 @@ def tolerance_records(replay: JointReplay, scale: float = 1.0) -> Iterator[Moved
         yield from shifted(known.wake_fraction, "wake_fraction", 1.0)
         for record, start in off(known.thrust_curve, "kt"):
             record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
+            record["table_kt"] *= 1.0 + scale * known.thrust_curve
             yield record, start
     sides = ("inertia_engine_side", "inertia_propeller_side")
     for side in sides if ship.turns_freely else sides[1:]:
