@@ -24,6 +24,7 @@ from .ventilation import can_ventilate, ventilation_rate
 class Loads(NamedTuple):
     """Torques and forces on shaft and hull at one instant, and the rates of what lags."""
 
+    shaft_speed: Real  # omega, the state's or the one that is held [rad/s]
     advance_velocity: Real  # v_a [m/s]
     submergence: Real  # of the propeller's centre [m]
     thrust: Real  # of one propeller [N]
@@ -42,15 +43,6 @@ class Loads(NamedTuple):
 
 
 @compiled
-def turning(plant: Record, state: State, inputs: Inputs) -> Real:
-    """Shaft speed omega [rad/s]: the state, or the demand where the drive holds it."""
-    omega = state.shaft_speed
-    if plant.speed_held != 0:
-        omega = inputs.drive
-    return omega
-
-
-@compiled
 def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     """Torques and forces at one instant.
 
@@ -62,7 +54,9 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
 
     Constant divisors are written as reciprocals so that one division serves all stages of a step.
     """
-    omega = turning(plant, state, inputs)
+    omega = state.shaft_speed
+    if plant.speed_held != 0:
+        omega = inputs.drive
     # propeller in the wake
     speed = water_speed(plant, state.ship_speed)
     kinematic = wake_inflow(plant, speed) + inputs.inflow
@@ -119,6 +113,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         drive = holding_torque(plant, load_behind, inputs.drive_rate)
         brake_torque = brake_torque_of(plant, drive, omega)
     return Loads(
+        omega,
         advance,
         submergence,
         thrust,
@@ -174,7 +169,7 @@ def evaluate(
             inflow=acting.inflow_rate,
             ventilation=air_rate,
             motor_current=acting.motor_current_rate,
-            shaft_angle=turning(plant, state, inputs),
+            shaft_angle=acting.shaft_speed,
         ),
         Outputs(
             pitch_ratio=blade,

@@ -19,6 +19,7 @@ LACKING = {
     "has_propeller": "has no propeller",
     "moves": "has a hull that is fixed",
     "turns_freely": "has a shaft whose speed is held",
+    "has_constant_coefficients": "has a propeller whose KT and KQ follow J",
 }
 """What a number may need of its ship, by the ship's property, and how a ship is called without it."""
 
@@ -43,6 +44,24 @@ def number(
         limits: pydantic's ``ge``, ``gt``, ``le``, ``lt`` and ``default``.
     """
     extra: dict[str, Any] = {"unit": unit, "record": record, "needs": needs, "required": required}
+    return Field(description=description, json_schema_extra=extra, **limits)
+
+
+def entry(
+    description: str, *, record: str, place: tuple[int, ...], needs: str, **limits: Any
+) -> Any:
+    """A number without a unit that is one entry of a field of the kernels' record.
+
+    The section writes it itself, with the others of that field.
+
+    Args:
+        description: what it is.
+        record: the field.
+        place: in it.
+        needs: as of a number.
+        limits: likewise.
+    """
+    extra: dict[str, Any] = {"unit": "-", "entry": (record, place), "needs": needs}
     return Field(description=description, json_schema_extra=extra, **limits)
 
 
@@ -176,6 +195,16 @@ def default_of(info: FieldInfo) -> str:
     if info.is_required() or when:
         return f"required {when}".strip()
     return f"{info.default}"
+
+
+def place_of(info: FieldInfo) -> tuple[str, tuple[int, ...]] | None:
+    """Field of the kernels' record that holds a number, and the place in it; None for what has none."""
+    field = record_field(info)
+    if field is not None:
+        return field, ()
+    extra = info.json_schema_extra
+    found: Any = extra.get("entry") if isinstance(extra, dict) else None
+    return found if found is None else (str(found[0]), tuple(found[1]))
 
 
 def record_field(info: FieldInfo) -> str | None:

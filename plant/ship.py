@@ -18,7 +18,7 @@ from .keys import (
     Section,
     info_of,
     needs_of,
-    record_field,
+    place_of,
     require,
     required_when,
 )
@@ -153,6 +153,11 @@ class Ship(Section):
         return self.propeller.model != "none"
 
     @property
+    def has_constant_coefficients(self) -> bool:
+        """Whether its propeller's KT and KQ are two numbers, as at bollard pull."""
+        return self.propeller.model == "bollard"
+
+    @property
     def turns_freely(self) -> bool:
         """Whether its shaft's speed follows from the torques on it, and is not held."""
         return not self.prime_mover.holds_speed
@@ -236,10 +241,10 @@ class Ship(Section):
         for need in f"{table.needs} {needs_of(fields[key])}".split():
             if not getattr(self, need):
                 raise ShipError(f"{dotted} acts on nothing: {self.name} {LACKING[need]}")
-        field = record_field(fields[key])
-        if field is None:
+        found = place_of(fields[key])
+        if found is None:
             raise ShipError(f"{self.name}: {dotted} has no field of its own in the kernels' record")
-        return Number(dotted, float(getattr(table, key)), info_of(fields[key]), field)
+        return Number(dotted, float(getattr(table, key)), info_of(fields[key]), *found)
 
     def _number_of_term(self, dotted: str, term: str, name: str) -> Number:
         for slot, own in enumerate(self.term):

@@ -11,7 +11,8 @@ import numpy as np
 
 from ...plant.keys import Number
 from ...plant.memory import HISTORY
-from ...plant.propeller import NO_PROPELLER, cavitation_number
+from ...plant.propeller import cavitation_number
+from ...plant.propeller_curves import NO_PROPELLER
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 from ..simulate.balances import Balances

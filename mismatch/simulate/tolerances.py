@@ -56,6 +56,7 @@ def tolerance_records(
         yield from shifted("hull.wake_fraction", 1.0)
         for record, start in off("propeller.thrust_coefficient", field="kt"):
             record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
+            record["table_kt"] *= 1.0 + scale * known.thrust_curve
             yield record, start
     for side in ("engine", "propeller") if ship.turns_freely else ("propeller",):
         yield from off(f"transmission.inertia_{side}_side_kg_m2")

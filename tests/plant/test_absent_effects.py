@@ -188,7 +188,7 @@ NOMINAL = {
              "wake_fraction", "propellers"},
     "propeller": {"model", "diameter_m", "blades", "expanded_area_ratio", "pitch_ratio_min",
                   "pitch_ratio_max", "relative_rotative_efficiency", "depth_m", "thrust_coefficient",
-                  "torque_coefficient"},
+                  "torque_coefficient", "open_water"},
     "ventilation": set(),
     "prime_mover": {"torque_limit_N_m", "torque_limit_at_min_speed_N_m",
                     "torque_limit_slope_N_m_s_rad", "fuel_base_g_kWh", "fuel_rated_power_W",

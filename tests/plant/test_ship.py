@@ -73,6 +73,39 @@ def test_a_number_that_acts_on_nothing_is_none_of_the_ship(servo: Ship, key: str
     assert not servo.has_key(key)
 
 
+FREED = {
+    "frigate": [
+        "hull.wake_fraction", "hull.thrust_deduction", "hull.resistance_coefficient_N_s2_m2",
+        "hull.mass_kg", "propeller.relative_rotative_efficiency", "transmission.gear_ratio",
+        "transmission.inertia_propeller_side_kg_m2", "prime_mover.torque_per_rack_N_m_mm",
+        "pitch_actuator.time_constant_s", "transmission.coulomb_friction_engine_side_N_m",
+    ],
+    "tito-neri-sine": [
+        "prime_mover.motor_constant_V_s_rad", "prime_mover.armature_resistance_ohm",
+        "prime_mover.armature_inductance_H", "transmission.inertia_engine_side_kg_m2",
+        "transmission.coulomb_friction_engine_side_N_m", "propeller.torque_coefficient",
+        "prime_mover.torque_offset_N_m", "transmission.stiction_speed_rad_s",
+    ],
+    "rov-thruster": ["propeller.thrust_coefficient", "propeller.torque_coefficient"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "key"), [(s, k) for s, keys in FREED.items() for k in keys])
+def test_a_number_that_may_be_freed_is_written_as_with_values_does(name: str, key: str) -> None:
+    ship = load_ship(name)
+    number = ship.number(key)
+    value = number.value * 1.01 if number.value else 1e-3
+    record = ship.record()
+    assert number.read(record) == pytest.approx(number.value, rel=1e-15)
+    number.write(record, value)
+    assert record.tobytes() == ship.with_values({key: value}).record().tobytes()
+
+
+def test_coefficients_that_follow_j_are_no_single_numbers(frigate: Ship) -> None:
+    with pytest.raises(ShipError, match="frigate has a propeller whose KT and KQ follow J"):
+        frigate.number("propeller.torque_coefficient")
+
+
 def test_a_hull_without_a_propeller_has_resistance_and_no_thrust(frigate: Ship) -> None:
     tree = frigate.model_dump(exclude_unset=True)
     towed = Ship.model_validate(tree | {"propeller": {"model": "none"}})

@@ -211,3 +211,25 @@ def test_thrust_is_moved_in_four_quadrants_too(draggy: pd.DataFrame) -> None:
 def test_the_corrected_ship_keeps_its_tolerances(draggy: pd.DataFrame) -> None:
     fitter = fitter_of(draggy, {"tolerances.resistance": 0.05})
     assert fitter.trial_ship.corrected((FOULING,)).tolerances == Tolerances(resistance=0.05)
+
+
+def test_thrust_is_moved_in_a_table_too(frigate: Ship) -> None:
+    only = {key: 0.0 for key in NUMBERS if key != "tolerances.thrust_curve"}
+    table = {
+        "advance_ratio": [0.0, 0.5, 1.2],
+        "thrust_coefficient": [0.5, 0.3, 0.0],
+        "torque_coefficient": [0.08, 0.05, 0.01],
+    }
+    ship = frigate.with_values(
+        {
+            "propeller.model": "table",
+            "propeller.pitch_ratio_min": 1.4,
+            "propeller.open_water": table,
+            "tolerances.thrust_curve": 0.1,
+        }
+        | only
+    )
+    record, _ = next(tolerance_records(JointReplay(ship, frigate_voyage(seconds=60.0))))
+    own = ship.record()
+    np.testing.assert_allclose(record["table_kt"], 1.1 * own["table_kt"], rtol=1e-12)
+    assert (record["table_kq"] == own["table_kq"]).all()
