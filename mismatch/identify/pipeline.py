@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from ...plant.ship import Ship
-from ...plant.tolerances import TOLERATED
 from ..estimate import Estimate
 from ..judge.fit import fits
 from ..judge.held_out import Segments, bands_of, set_aside
@@ -202,10 +201,9 @@ def _judged(
 def _known_as(ship: Ship, found: Found) -> Ship:
     """The ship that says of each number that was found how well it is known."""
     numbers = dict(ship.tolerances.numbers)
-    values: dict[str, Any] = {}
-    for key, value, error in zip(found.keys, found.values, found.standard_errors, strict=True):
-        if ship.has_key(key):
+    for key, error in zip(found.keys, found.standard_errors, strict=True):
+        if ship.has_key(
+            key
+        ):  # else the record holds it in another form, and nothing is known of it
             numbers[key] = float(error)
-        elif key in TOLERATED and value != 0.0:  # the record holds it in another form
-            values[f"tolerances.{TOLERATED[key]}"] = min(float(error / abs(value)), 0.5)
-    return ship.with_values(values | {"tolerances.numbers": numbers})
+    return ship.with_values({"tolerances.numbers": numbers})

@@ -74,7 +74,8 @@ def by_differences(ship: Ship, number: Number, state: State, inputs: Inputs) -> 
     step = 1e-6 * max(abs(number.value), 1e-3)
     at_bound = number.value == number.info.low
     weights = {0.0: -1.5, 1.0: 2.0, 2.0: -0.5} if at_bound else {1.0: 0.5, -1.0: -0.5}
-    slope, size = 0.0, 0.0
+    slope: Any = 0.0
+    size: Any = 0.0
     for steps, weight in weights.items():
         record = ship.record()
         number.write(record, number.value + steps * step)
@@ -147,7 +148,7 @@ def test_derivatives_to_the_states_are_those_of_the_linear_model(name: str) -> N
 def test_a_number_of_a_term_has_its_derivative_too() -> None:
     term = Term(
         id="drag", acts_on="load_torque", expression="a * shaft_speed + b * shaft_speed ** 2",
-        parameters={"a": 100.0, "b": 7.0},
+        parameters={"a": 100.0, "b": 7.0},  # type: ignore[dict-item]
     )  # fmt: skip
     ship = load_ship("frigate").with_term(term)
     state, inputs = somewhere(ship)
