@@ -38,12 +38,14 @@ def require_diesel(ship: Ship) -> None:
     """Refuse a ship that the classic controllers cannot drive.
 
     Raises:
-        ShipError: its prime mover is no diesel, or it cannot move.
+        ShipError: its prime mover is no diesel, it cannot move, or it has no propeller.
     """
     if not ship.has_diesel:
         raise ShipError(f"{ship.name}: a governor needs a diesel, not {ship.prime_mover.type!r}")
     if not ship.moves:
         raise ShipError(f"{ship.name}: the hull is fixed; there is no ship speed to order")
+    if not ship.has_propeller:
+        raise ShipError(f"{ship.name}: no propeller drives it; propeller.model is 'none'")
 
 
 def steady_point(

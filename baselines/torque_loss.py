@@ -147,7 +147,7 @@ def shaft_load(ship: Record, pitch_ratio: float, shaft_speed: float) -> float:
     Coulomb friction is the plant's tanh instead of the paper's arc tangents; both are monotone.
     """
     propeller = bollard_gain(ship, pitch_ratio) * abs(shaft_speed) * shaft_speed
-    return float(propeller + friction_torque(ship.coulomb_propeller_side, 0.0, shaft_speed))
+    return float(propeller + friction_torque(ship, ship.coulomb_propeller_side, 0.0, shaft_speed))
 
 
 @compiled
@@ -179,7 +179,7 @@ def update_torque_loss(
     ship = observer.ship
     viscous = ship.viscous_propeller_side
     l1, l2 = observer.speed_gain, observer.loss_gain
-    coulomb = friction_torque(ship.coulomb_propeller_side, 0.0, shaft_speed)
+    coulomb = friction_torque(ship, ship.coulomb_propeller_side, 0.0, shaft_speed)
     if estimate.started == 0:
         # as if this sample had stood for ever
         estimate.shaft_speed = shaft_speed
@@ -191,7 +191,9 @@ def update_torque_loss(
         omega, loss = estimate.shaft_speed, estimate.torque_loss
         error = estimate.speed_reading - omega
         bollard = bollard_gain(ship, estimate.pitch_reading) * abs(omega) * omega
-        coulomb_before = friction_torque(ship.coulomb_propeller_side, 0.0, estimate.speed_reading)
+        coulomb_before = friction_torque(
+            ship, ship.coulomb_propeller_side, 0.0, estimate.speed_reading
+        )
         before = estimate.torque_reading - bollard - coulomb_before - viscous * omega - loss
         before += l1 * error
         # Delta_q+ = loss_free - follow omega+

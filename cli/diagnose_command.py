@@ -102,8 +102,9 @@ def diagnose(
     that names file, column and row; nothing is written then.
 
     A recording needs `time_s`, `fuel_rack_mm` (or `motor_voltage_V`), `pitch_ratio_command` and
-    `shaft_speed_rad_s`, and tells more with `shaft_torque_N_m`, `ship_speed_m_s`, `pitch_ratio`; see
-    docs/recordings.md. Ten samples a second over 20 minutes with steps of rack and pitch is good.
+    `shaft_speed_rad_s` (or `shaft_angle_rad`), and tells more with `shaft_torque_N_m`,
+    `ship_speed_m_s`, `pitch_ratio`; see docs/recordings.md. Ten samples a second over 20 minutes with
+    steps of rack and pitch is good.
 
     A FOLDER's recordings each get a folder in DIR, and `index.html` lists them, worst first. Bad ones
     are listed with their error and do not stop the rest. What is finished is not done again.

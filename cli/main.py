@@ -9,6 +9,7 @@ import typer
 from . import (
     diagnose_command,
     evaluate_command,
+    identify_command,
     list_command,
     prove_command,
     reproduce_command,
@@ -31,6 +32,7 @@ app.command("simulate")(simulate_command.simulate)
 app.command("reproduce")(reproduce_command.reproduce)
 app.command("train")(train_command.train)
 app.command("evaluate")(evaluate_command.evaluate)
+app.command("identify")(identify_command.identify)
 app.command("diagnose")(diagnose_command.diagnose)
 app.command("prove")(prove_command.prove)
 app.command("list")(list_command.list_names)

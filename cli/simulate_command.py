@@ -46,8 +46,8 @@ def simulate(
 
     A recording has the columns `time_s`, `fuel_rack_mm` (`motor_voltage_V` for a DC motor) and
     `pitch_ratio_command`; it is written back with everything else simulated. Where it also holds
-    `pitch_ratio`, `shaft_speed_rad_s` and `ship_speed_m_s`, the simulation starts from their first
-    row, otherwise from the steady state at the first demands.
+    `pitch_ratio`, `shaft_speed_rad_s` (or `shaft_angle_rad`) and `ship_speed_m_s`, the simulation
+    starts from their first row, otherwise from the steady state at the first demands.
 
     With `--observer` two columns are added: the estimated advance velocity and whether it is valid.
 

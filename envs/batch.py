@@ -90,8 +90,10 @@ class Batch:
         self.settings = settings
         self.task = get_task(settings.task)
         self.ship = load_ship(settings.ship).with_values(dict(self.task.ship))
-        if not (self.ship.has_diesel and self.ship.moves):
-            raise ValueError(f"{self.ship.name}: the environment needs a diesel ship that moves")
+        if not (self.ship.has_diesel and self.ship.moves and self.ship.has_propeller):
+            raise ValueError(
+                f"{self.ship.name}: the environment needs a diesel ship that moves by a propeller"
+            )
         self.dt = self.ship.time_step_s
         self.steps = settings.steps(self.dt)
         self.interval_s = self.steps * self.dt

@@ -59,7 +59,6 @@ def disturbance(episode: Record, time: float) -> Disturbance:
 def _measure(
     env: Record,
     noise: Record,
-    shaft_speed: float,
     acceleration: float,
     advance_velocity: float,
     speed_log: float,
@@ -67,7 +66,7 @@ def _measure(
 ) -> None:
     """Read the noisy instruments, let the observer follow, and fill the observation."""
     memory, episode, seen = env.memory, env.episode, env.observation
-    speed = shaft_speed + noise.shaft_speed * normal(episode)
+    speed = memory.shaft_speed + noise.shaft_speed * normal(episode)
     torque = memory.shaft_torque + noise.shaft_torque * normal(episode)
     pitch = memory.pitch_ratio + noise.pitch_ratio * normal(episode)
     acceleration += noise.shaft_acceleration * normal(episode)
@@ -98,7 +97,7 @@ def first_observation(
         )  # fmt: skip
         episode.gauge_torque = episode.mean_torque = outputs.shaft_torque
         _measure(
-            env, common.noise, state.shaft_speed, outputs.shaft_acceleration,
+            env, common.noise, outputs.shaft_acceleration,
             outputs.advance_velocity, env.memory.speed_log, speed_order(episode, 0.0),
         )  # fmt: skip
 
@@ -193,7 +192,7 @@ def control_interval(
             truth.brake_torque = outputs.brake_torque
             truth.position = state.position
             _measure(
-                env, common.noise, shaft_speed, outputs.shaft_acceleration, outputs.advance_velocity,
+                env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity,
                 log, order,
             )  # fmt: skip
         env.ended = _why_ended(plant, state.shaft_speed)

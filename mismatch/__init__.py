@@ -3,6 +3,8 @@
 from .diagnosis import Diagnosis
 from .estimate import Estimate
 from .folder import diagnose_folder
+from .identify.identification import Identification
+from .identify.pipeline import identify
 from .judge.findings import Finding
 from .judge.fit import fit_percent
 from .options import Options
@@ -17,6 +19,7 @@ __all__ = [
     "Effect",
     "Estimate",
     "Finding",
+    "Identification",
     "Options",
     "Parameter",
     "Recording",
@@ -25,5 +28,6 @@ __all__ = [
     "diagnose_folder",
     "fetch",
     "fit_percent",
+    "identify",
     "load_recording",
 ]

@@ -122,6 +122,11 @@ class Observer(ABC):
         Raises:
             ObserverError: the ship lacks what this observer needs.
         """
+        if not ship.has_propeller:
+            raise ObserverError(
+                f"{ship.name}: the observer {self.name!r} needs a propeller, whose inflow it "
+                "estimates, but propeller.model is 'none'"
+            )
         record = np.zeros(1, OBSERVER)[0]
         record["kind"] = self.kind
         record["reads_instruments"] = self.reads_instruments

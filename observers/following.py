@@ -71,7 +71,7 @@ def readings_of(samples: NDArray[Any]) -> NDArray[np.float64]:
     """The columns of :class:`Measurement` from simulated samples; shape (n, 5)."""
     return np.column_stack(
         [
-            samples["shaft_speed"],
+            samples["measured_shaft_speed"],
             samples["measured_shaft_torque"],
             samples["measured_pitch_ratio"],
             samples["shaft_acceleration"],

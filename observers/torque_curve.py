@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from ..core.compiled import Record, compiled
-from ..plant.open_water import (
-    MAX_ADVANCE_RATIO,
-    MIN_ADVANCE_RATIO,
-    MIN_REVOLUTIONS,
-    REVOLUTIONS_PER_RADIAN,
-    advance_ratio,
-    invert_torque_coefficient,
-    open_water,
-    open_water_slope,
+from ..plant.open_water import MIN_REVOLUTIONS, REVOLUTIONS_PER_RADIAN, advance_ratio
+from ..plant.propeller_curves import (
+    advance_ratio_of,
+    torque_coefficient,
+    torque_coefficient_slope,
 )
 
 AT_REST = 1e-3
@@ -29,8 +25,8 @@ def model_torque(ship: Record, velocity: float, shaft_speed: float, pitch_ratio:
         pitch_ratio: P/D [-].
     """
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
-    j = max(advance_ratio(velocity, shaft_speed, ship.diameter), MIN_ADVANCE_RATIO)
-    kq = open_water(ship.kq, j, pitch_ratio)
+    j = max(advance_ratio(velocity, shaft_speed, ship.diameter), ship.advance_ratio_min)
+    kq = torque_coefficient(ship, j, pitch_ratio)
     return float(ship.density * ship.diameter**5 * n * n * kq / ship.relative_rotative_efficiency)
 
 
@@ -40,9 +36,9 @@ def torque_slopes(
 ) -> tuple[float, float]:
     """Partial derivatives of M_p to omega [N m s/rad] and to v_a [N s] (thesis eqs. 2-26, 2-38)."""
     n = shaft_speed * REVOLUTIONS_PER_RADIAN
-    j = max(advance_ratio(velocity, shaft_speed, ship.diameter), MIN_ADVANCE_RATIO)
-    kq = open_water(ship.kq, j, pitch_ratio)
-    slope = open_water_slope(ship.kq, j, pitch_ratio)
+    j = max(advance_ratio(velocity, shaft_speed, ship.diameter), ship.advance_ratio_min)
+    kq = torque_coefficient(ship, j, pitch_ratio)
+    slope = torque_coefficient_slope(ship, j, pitch_ratio)
     factor = ship.density * ship.diameter**5 / ship.relative_rotative_efficiency
     by_velocity = factor * n * slope / ship.diameter
     by_speed = factor * n * (2.0 * kq - j * slope) * REVOLUTIONS_PER_RADIAN
@@ -62,11 +58,11 @@ def velocity_from_torque(
         return guess, False
     kq = torque * ship.relative_rotative_efficiency / (ship.density * ship.diameter**5 * n * n)
     scale = n * ship.diameter
-    j, valid = invert_torque_coefficient(ship.kq, kq, pitch_ratio, guess / scale)
+    j, valid = advance_ratio_of(ship, kq, pitch_ratio, guess / scale)
     return j * scale, valid
 
 
 @compiled
 def highest_velocity(ship: Record, shaft_speed: float) -> float:
     """Advance velocity [m/s] at which the torque curves end."""
-    return float(MAX_ADVANCE_RATIO * ship.diameter * shaft_speed * REVOLUTIONS_PER_RADIAN)
+    return float(ship.advance_ratio_max * ship.diameter * shaft_speed * REVOLUTIONS_PER_RADIAN)

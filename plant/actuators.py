@@ -36,7 +36,7 @@ def pitch_rate(plant: Record, command: Real, pitch_ratio: Real) -> Real:
     """
     demand = clip(command, plant.pitch_ratio_min, plant.pitch_ratio_max)
     error = demand + plant.pitch_actuator_offset - pitch_ratio
-    if plant.pitch_dead_band > 0.0:
+    if plant.pitch_dead_band != 0.0:
         error = error - clip(error, -plant.pitch_dead_band, plant.pitch_dead_band)
     rate = error * (1.0 / plant.pitch_time_constant)
     return clip(rate, -plant.pitch_rate_limit, plant.pitch_rate_limit)
@@ -48,9 +48,9 @@ def blade_pitch(plant: Record, actuator_pitch: Real, blade_before: float) -> Rea
     if plant.pitch_backlash == 0.0:
         return actuator_pitch
     half = 0.5 * plant.pitch_backlash
-    if blade_before < actuator_pitch.real - half:
+    if blade_before < actuator_pitch.real - half.real:
         return actuator_pitch - half
-    if blade_before > actuator_pitch.real + half:
+    if blade_before > actuator_pitch.real + half.real:
         return actuator_pitch + half
     return blade_before
 

@@ -7,6 +7,7 @@ from .ship import Ship
 from .signals import RECORDED_SIGNALS, SIGNALS
 
 TIME = "time_s"
+SHAFT_SPEED, SHAFT_ANGLE = "shaft_speed_rad_s", "shaft_angle_rad"
 
 DEMANDS = tuple(drive.demand for drive in DRIVES)
 """Signal by which each kind of prime mover is driven."""
@@ -17,20 +18,22 @@ BOUNDS = {
 }
 """Lowest and highest value and unit of each column that is understood."""
 
+_DEMANDS = tuple(demand.column for demand in DEMANDS if demand.column != SHAFT_SPEED)
 COLUMNS = (
-    TIME, *(demand.column for demand in DEMANDS), "pitch_ratio_command", "pitch_ratio",
-    "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
+    TIME, *_DEMANDS, "pitch_ratio_command", "pitch_ratio",
+    SHAFT_SPEED, SHAFT_ANGLE, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
     "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", "inflow_velocity_m_s",
 )  # fmt: skip
 """Canonical columns of a recording; demands first, then what was measured."""
 
 MEASURED = {
     "pitch_ratio": "measured_pitch_ratio",
-    "shaft_speed_rad_s": "shaft_speed",
+    SHAFT_SPEED: "measured_shaft_speed",
     "shaft_torque_N_m": "measured_shaft_torque",
     "ship_speed_m_s": "measured_ship_speed",
     "thrust_N": "thrust",
     "motor_current_A": "motor_current",
+    SHAFT_ANGLE: "shaft_angle",
 }
 """Measured columns and the simulated signal that answers each."""
 
@@ -41,6 +44,13 @@ ON_ANY_SHIP = tuple(MEASURED)[:4]
 def drive_column(ship: Ship) -> str:
     """Column that holds the demand on the ship's prime mover."""
     return ship.prime_mover.demand.column
+
+
+def answered_columns(ship: Ship) -> list[str]:
+    """Measured columns that a simulation of the ship answers."""
+    none = set() if ship.has_propeller else {"thrust_N"}
+    none |= set() if ship.turns_freely else {SHAFT_SPEED, SHAFT_ANGLE}
+    return [column for column in MEASURED if column not in none]
 
 
 def input_columns(ship: Ship) -> list[str]:

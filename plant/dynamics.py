@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from ..core.compiled import Real, Record, compiled
 from .actuators import blade_pitch, pitch_rate
-from .drives import driven
+from .drives import driven, holding_torque
 from .hull import resistance, wake_inflow, water_speed
 from .propeller import propeller_load
-from .shaft import drive_torque, gauge_torque, load_torque, shaft_inertia
+from .shaft import brake_torque_of, drive_torque, gauge_torque, load_torque, shaft_inertia
 from .state import LAGGING, Inputs, Outputs, State, moved, without_rates
 from .term_kernel import Heard, added
 from .unexplained import ENGINE, HULL, PITCH_ACTUATOR, PROPELLER, unexplained
@@ -24,6 +24,7 @@ from .ventilation import can_ventilate, ventilation_rate
 class Loads(NamedTuple):
     """Torques and forces on shaft and hull at one instant, and the rates of what lags."""
 
+    shaft_speed: Real  # omega, the state's or the one that is held [rad/s]
     advance_velocity: Real  # v_a [m/s]
     submergence: Real  # of the propeller's centre [m]
     thrust: Real  # of one propeller [N]
@@ -53,6 +54,9 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
 
     Constant divisors are written as reciprocals so that one division serves all stages of a step.
     """
+    omega = state.shaft_speed
+    if plant.speed_held != 0:
+        omega = inputs.drive
     # propeller in the wake
     speed = water_speed(plant, state.ship_speed)
     kinematic = wake_inflow(plant, speed) + inputs.inflow
@@ -60,7 +64,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     submergence = plant.depth + inputs.elevation
     demand = inputs.drive
     heard = Heard(
-        state.shaft_speed, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
+        omega, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
         submergence, inputs.time,
     )  # fmt: skip
     more_thrust = more_drive_torque = more_load_torque = more_resistance = added_pitch_rate = 0.0
@@ -75,17 +79,17 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         added_pitch_rate = more.pitch_rate
     inflow_rate = 0.0
     advance = kinematic
-    if plant.inflow_lag > 0.0:
+    if plant.inflow_lag.real > 0.0:
         advance = state.inflow
         inflow_rate = (kinematic - state.inflow) / plant.inflow_lag
-    load = propeller_load(plant, advance, state.shaft_speed, blade, submergence, state.ventilation)
+    load = propeller_load(plant, advance, omega, blade, submergence, state.ventilation)
     propeller_torque = load.torque * (1.0 / plant.relative_rotative_efficiency)  # eq. 2-5
 
-    engine_speed = plant.gear_ratio * state.shaft_speed  # eq. 2-11
+    engine_speed = plant.gear_ratio * omega  # eq. 2-11
     mover = driven(plant, engine_speed, demand, state.brake_torque, state.motor_current)
 
-    drive = drive_torque(plant, mover.brake_torque, state.shaft_speed)
-    load_behind = load_torque(plant, propeller_torque, state.shaft_speed)
+    drive = drive_torque(plant, mover.brake_torque, omega)
+    load_behind = load_torque(plant, propeller_torque, omega)
     drag = resistance(plant, speed, inputs.resistance_factor)
     thrust = load.thrust
     if plant.term_count > 0:
@@ -95,9 +99,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         drag = drag + more_resistance
     push = plant.propellers * (1.0 - plant.thrust_deduction) * thrust  # eq. 2-6
     if plant.unexplained_balance != 0:
-        lacking = unexplained(
-            plant, state.shaft_speed, state.ship_speed, blade, inputs.drive, inputs.time
-        )
+        lacking = unexplained(plant, omega, state.ship_speed, blade, inputs.drive, inputs.time)
         if plant.unexplained_balance == ENGINE:
             drive = drive + lacking
         elif plant.unexplained_balance == PROPELLER:
@@ -106,13 +108,18 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
             push = push + lacking
         elif plant.unexplained_balance == PITCH_ACTUATOR:
             added_pitch_rate = added_pitch_rate + lacking
+    brake_torque = mover.brake_torque
+    if plant.speed_held != 0:
+        drive = holding_torque(plant, load_behind, inputs.drive_rate)
+        brake_torque = brake_torque_of(plant, drive, omega)
     return Loads(
+        omega,
         advance,
         submergence,
         thrust,
         load.thrust_coefficient,
         propeller_torque,
-        mover.brake_torque,
+        brake_torque,
         mover.current,
         drive,
         load_behind,
@@ -141,6 +148,8 @@ def evaluate(
     blade = blade_pitch(plant, state.pitch_ratio, blade_before)
     acting = loads(plant, state, inputs, blade)
     acceleration = (acting.drive_torque - acting.load_torque) * (1.0 / shaft_inertia(plant))  # 2-1
+    if plant.speed_held != 0:
+        acceleration = inputs.drive_rate
     ship_acceleration = (acting.push - acting.resistance) * (1.0 / plant.mass)  # eq. 2-2
     if plant.hull_fixed != 0:
         ship_acceleration = 0.0
@@ -160,6 +169,7 @@ def evaluate(
             inflow=acting.inflow_rate,
             ventilation=air_rate,
             motor_current=acting.motor_current_rate,
+            shaft_angle=acting.shaft_speed,
         ),
         Outputs(
             pitch_ratio=blade,

@@ -19,34 +19,46 @@ class Hull(Section):
     fixed: bool = Field(
         default=False, description="held at its place, as in a bollard pull or on a bench"
     )
-    mass_kg: float = number("mass with added mass", "kg", record="mass", gt=0, le=1e9, default=1.0)
+    mass_kg: float = number(
+        "mass with added mass", "kg", record="mass", needs="moves", required="unless hull.fixed",
+        gt=0, le=1e9, default=1.0,
+    )  # fmt: skip
     resistance_coefficient_N_s2_m2: float = number(
-        "R = c1 v^2", "N s2/m2", record="resistance_coefficient", ge=0, le=1e7, default=0.0
+        "R = c1 v^2", "N s2/m2", record="resistance_coefficient", needs="moves",
+        required="unless hull.fixed", ge=0, le=1e7, default=0.0,
+    )  # fmt: skip
+    thrust_deduction: float = number(
+        "t", record="thrust_deduction", needs="moves has_propeller", ge=-0.2, lt=0.6, default=0.0
     )
-    thrust_deduction: float = number("t", record="thrust_deduction", ge=-0.2, lt=0.6, default=0.0)
-    wake_fraction: float = number("w", record="wake_fraction", ge=-0.2, lt=0.6, default=0.0)
+    wake_fraction: float = number(
+        "w", record="wake_fraction", needs="has_propeller", ge=-0.2, lt=0.6, default=0.0
+    )
     propellers: int = Field(default=1, ge=1, le=8, description="number of equal propellers k_p")
     fouling_fraction: float = effect(
-        0.0, "added share of the resistance", record="hull_fouling", ge=-0.5, le=3
+        0.0, "added share of the resistance", record="hull_fouling", needs="moves", ge=-0.5, le=3
     )
     current_m_s: float = effect(
         0.0, "current along the track, positive from astern", "m/s", record="current", ge=-5, le=5
     )
     wake_slope_s_m: float = effect(
-        0.0, "change of wake fraction with speed", "s/m", record="wake_slope", ge=-0.2, le=0.2
-    )
+        0.0, "change of wake fraction with speed", "s/m", record="wake_slope",
+        needs="has_propeller", ge=-0.2, le=0.2,
+    )  # fmt: skip
     wake_reference_speed_m_s: float = number(
         "speed at which the wake fraction is w", "m/s", record="wake_reference_speed",
-        ge=0, le=40, default=0.0,
+        needs="has_propeller", ge=0, le=40, default=0.0,
     )  # fmt: skip
     episode_resistance_fraction: float = effect(
         0.0, "added share of the resistance during an episode", record="episode_resistance",
-        ge=-0.9, le=10,
+        needs="moves", ge=-0.9, le=10,
     )  # fmt: skip
     episode_start_s: float = number(
-        "its start, from the simulation's", "s", record="episode_start", ge=0, default=0.0
+        "its start, from the simulation's", "s", record="episode_start", needs="moves", ge=0,
+        default=0.0,
+    )  # fmt: skip
+    episode_end_s: float = number(
+        "its end", "s", record="episode_end", needs="moves", ge=0, default=INF
     )
-    episode_end_s: float = number("its end", "s", record="episode_end", ge=0, default=INF)
 
     @model_validator(mode="after")
     def _complete(self) -> Hull:

@@ -15,23 +15,59 @@ from pydantic.fields import FieldInfo
 INF = math.inf
 
 
-def number(description: str, unit: str = "-", *, record: str, **limits: Any) -> Any:
+LACKING = {
+    "has_propeller": "has no propeller",
+    "moves": "has a hull that is fixed",
+    "turns_freely": "has a shaft whose speed is held",
+    "has_constant_coefficients": "has a propeller whose KT and KQ follow J",
+}
+"""What a number may need of its ship, by the ship's property, and how a ship is called without it."""
+
+
+def number(
+    description: str,
+    unit: str = "-",
+    *,
+    record: str,
+    needs: str = "",
+    required: str = "",
+    **limits: Any,
+) -> Any:
     """A number of a ship.
 
     Args:
         description: what it is.
         unit: SI.
         record: its field in the kernels' record.
+        needs: names of :data:`LACKING`; on a ship without one of them it acts on nothing.
+        required: when it must be given although it has a default: ``with a propeller``.
         limits: pydantic's ``ge``, ``gt``, ``le``, ``lt`` and ``default``.
     """
-    return Field(
-        description=description, json_schema_extra={"unit": unit, "record": record}, **limits
-    )
+    extra: dict[str, Any] = {"unit": unit, "record": record, "needs": needs, "required": required}
+    return Field(description=description, json_schema_extra=extra, **limits)
 
 
-def effect(neutral: float, description: str, unit: str = "-", *, record: str, **limits: Any) -> Any:
+def entry(
+    description: str, *, record: str, place: tuple[int, ...], needs: str, **limits: Any
+) -> Any:
+    """A number without a unit that is one entry of a field of the kernels' record.
+
+    The section writes it itself, with the others of that field.
+
+    Args:
+        description: what it is.
+        record: the field.
+        place: in it.
+        needs: as of a number.
+        limits: likewise.
+    """
+    extra: dict[str, Any] = {"unit": "-", "entry": (record, place), "needs": needs}
+    return Field(description=description, json_schema_extra=extra, **limits)
+
+
+def effect(neutral: float, description: str, unit: str = "-", *, record: str, **more: Any) -> Any:
     """A number whose ``neutral`` value means that the effect is absent; the rest as of a number."""
-    field = number(description, unit, record=record, default=neutral, **limits)
+    field = number(description, unit, record=record, default=neutral, **more)
     field.json_schema_extra["effect"] = True
     return field
 
@@ -43,6 +79,8 @@ class Section(BaseModel):
 
     derived: ClassVar[tuple[tuple[Any, ...], ...]] = ()
     """Further fields of the kernels' record, worked out from the section's keys, as NumPy has them."""
+    needs: ClassVar[str] = ""
+    """What all of its numbers need of their ship: names of :data:`LACKING`."""
 
     def fill(self, record: Any) -> None:
         """Write the section's numbers into a ship's record; a section with ``derived`` adds those."""
@@ -52,15 +90,29 @@ class Section(BaseModel):
                 record[field] = getattr(self, key)
 
 
-def require(section: BaseModel, keys: tuple[str, ...], because: str) -> None:
+class MissingKeyError(ValueError):
+    """A key of a section that is left out and must not be; the message begins with the key."""
+
+
+def require(section: BaseModel, keys: tuple[str, ...], because: str, before: str = "") -> None:
     """Refuse a section in which keys are left out that another key's value asks for.
 
+    Args:
+        section: that lacks them.
+        keys: of it.
+        because: why they are needed.
+        before: what stands before the key in the message, where the section is not named already.
+
     Raises:
-        ValueError: names the first key that is missing.
+        MissingKeyError: names the first key that is missing, with its unit and range.
     """
-    absent = [key for key in keys if key not in section.model_fields_set]
-    if absent:
-        raise ValueError(f"{absent[0]} is missing; it is required {because}")
+    for key in keys:
+        if key not in section.model_fields_set:
+            info = type(section).model_fields[key]
+            raise MissingKeyError(
+                f"{before}{key} is missing; it is required {because} "
+                f"(unit {unit_of(info)}; allowed: {allowed_range(info)})"
+            )
 
 
 class KeyInfo(NamedTuple):
@@ -123,6 +175,36 @@ def unit_of(info: FieldInfo) -> str:
     """Unit of a number."""
     extra = info.json_schema_extra
     return str(extra.get("unit", "-")) if isinstance(extra, dict) else "-"
+
+
+def needs_of(info: FieldInfo) -> str:
+    """What a number needs of its ship: names of :data:`LACKING`."""
+    extra = info.json_schema_extra
+    return str(extra.get("needs", "")) if isinstance(extra, dict) else ""
+
+
+def required_when(info: FieldInfo) -> str:
+    """When a number that has a default must be given, in words; empty if never."""
+    extra = info.json_schema_extra
+    return str(extra.get("required", "")) if isinstance(extra, dict) else ""
+
+
+def default_of(info: FieldInfo) -> str:
+    """Default of a number in words, or when it is required."""
+    when = required_when(info)
+    if info.is_required() or when:
+        return f"required {when}".strip()
+    return f"{info.default}"
+
+
+def place_of(info: FieldInfo) -> tuple[str, tuple[int, ...]] | None:
+    """Field of the kernels' record that holds a number, and the place in it; None for what has none."""
+    field = record_field(info)
+    if field is not None:
+        return field, ()
+    extra = info.json_schema_extra
+    found: Any = extra.get("entry") if isinstance(extra, dict) else None
+    return found if found is None else (str(found[0]), tuple(found[1]))
 
 
 def record_field(info: FieldInfo) -> str | None:

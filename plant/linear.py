@@ -7,6 +7,7 @@ from typing import Any
 import control
 import numpy as np
 
+from .derivatives import STEP
 from .dynamics import evaluate
 from .ship import Ship
 from .state import Inputs, Outputs, State, active_states
@@ -18,9 +19,7 @@ INPUTS = {
     "resistance_factor": "resistance_factor",
     "inflow": "inflow",
 }
-"""Inputs of the linear model, in order: P/D command, rack (or voltage), d_c1, u_x."""
-
-_STEP = 1e-30  # of the complex step: no subtraction, hence no cancellation
+"""Inputs of the linear model, in order: P/D command, rack (voltage, torque, speed), d_c1, u_x."""
 
 
 def linearise(
@@ -58,18 +57,20 @@ def linearise(
     blade = float(np.real(point.outputs.pitch_ratio))
 
     def derivatives(shifted: State, acted: Inputs) -> tuple[list[float], list[float]]:
+        if not ship.turns_freely:  # then an input, and no state
+            shifted = shifted._replace(shaft_speed=acted.drive)
         rate, out = evaluate(plant, shifted, acted, blade, False)
         values = {**shifted._asdict(), **out._asdict()}
         return (
-            [getattr(rate, name).imag / _STEP for name in states],
-            [complex(values[name]).imag / _STEP for name in outputs],
+            [getattr(rate, name).imag / STEP for name in states],
+            [complex(values[name]).imag / STEP for name in outputs],
         )
 
     columns_x = [
-        derivatives(state._replace(**{n: getattr(state, n) + 1j * _STEP}), inputs) for n in states
+        derivatives(state._replace(**{n: getattr(state, n) + 1j * STEP}), inputs) for n in states
     ]
     columns_u = [
-        derivatives(state, inputs._replace(**{n: getattr(inputs, n) + 1j * _STEP}))
+        derivatives(state, inputs._replace(**{n: getattr(inputs, n) + 1j * STEP}))
         for n in INPUTS.values()
     ]
     a, c = (np.array([column[i] for column in columns_x]).T for i in (0, 1))

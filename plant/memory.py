@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.compiled import Record, compiled
+from ..core.compiled import Real, Record, compiled
 from .actuators import rack_position
 from .keys import Section, effect
 from .state import Outputs, State
@@ -32,9 +32,20 @@ class Sensors(Section):
     torque_delay_s: float = effect(
         0.0, "delay of the torque signal", "s", record="torque_sensor_delay", ge=0, le=6
     )
+    speed_delay_s: float = effect(
+        0.0, "delay of the shaft speed's signal", "s", record="speed_sensor_delay", ge=0, le=6
+    )
     speed_log_lag_s: float = effect(
         0.0, "first-order lag of the speed log", "s", record="speed_log_lag", ge=0, le=600
     )
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Delays [s] by key, each a history that the plant keeps."""
+        return {
+            "sensors.torque_delay_s": self.torque_delay_s,
+            "sensors.speed_delay_s": self.speed_delay_s,
+        }
 
 
 MEMORY = np.dtype(
@@ -44,10 +55,12 @@ MEMORY = np.dtype(
         ("ventilated", np.int64),
         ("speed_log", np.float64),  # reading of the speed log [m/s]
         ("shaft_torque", np.float64),  # reading of the torque gauge [N m]
+        ("shaft_speed", np.float64),  # reading of the shaft's speed sensor [rad/s]
         ("pitch_ratio", np.float64),  # reading of the pitch sensor [-]
         ("cursor", np.int64),
         ("demands", np.float64, (HISTORY,)),
         ("torques", np.float64, (HISTORY,)),
+        ("speeds", np.float64, (HISTORY,)),
     ],
     align=True,
 )
@@ -75,8 +88,22 @@ def begin_step(plant: Record, memory: Record, demand: float, dt: float) -> float
 
 
 @compiled
-def read_instruments(plant: Record, memory: Record, outputs: Outputs, dt: float) -> None:
-    """Let the instruments and the memories see the outputs of this instant.
+def pitch_read(plant: Record, pitch_ratio: Real) -> Real:
+    """What the pitch sensor reads of a pitch ratio of the blades [-]."""
+    return pitch_ratio + plant.pitch_sensor_offset
+
+
+@compiled
+def torque_read(plant: Record, torque: Real) -> Real:
+    """What the gauge reads of a torque [N m], its delay apart."""
+    return plant.torque_sensor_gain * torque + plant.torque_sensor_bias
+
+
+@compiled
+def read_instruments(
+    plant: Record, memory: Record, shaft_speed: float, outputs: Outputs, dt: float
+) -> None:
+    """Let the instruments and the memories see the shaft's speed and the outputs of this instant.
 
     Seeing the same instant twice changes nothing.
     """
@@ -85,12 +112,16 @@ def read_instruments(plant: Record, memory: Record, outputs: Outputs, dt: float)
         memory.ventilated = ventilation_state(
             plant, memory.ventilated != 0, outputs.submergence, outputs.thrust_coefficient
         )
-    memory.pitch_ratio = outputs.pitch_ratio + plant.pitch_sensor_offset
+    memory.pitch_ratio = pitch_read(plant, outputs.pitch_ratio)
     torque = outputs.shaft_torque
     if plant.torque_sensor_delay > 0.0:
         memory.torques[memory.cursor % HISTORY] = torque
         torque = _delayed(memory.torques, memory.cursor, plant.torque_sensor_delay / dt)
-    memory.shaft_torque = plant.torque_sensor_gain * torque + plant.torque_sensor_bias
+    memory.shaft_torque = torque_read(plant, torque)
+    if plant.speed_sensor_delay > 0.0:
+        memory.speeds[memory.cursor % HISTORY] = shaft_speed
+        shaft_speed = _delayed(memory.speeds, memory.cursor, plant.speed_sensor_delay / dt)
+    memory.shaft_speed = shaft_speed
 
 
 @compiled
@@ -114,5 +145,6 @@ def settle(
     memory.cursor = 0
     memory.demands[:] = demand
     memory.torques[:] = outputs.shaft_torque
+    memory.speeds[:] = state.shaft_speed
     memory.speed_log = state.ship_speed
-    read_instruments(plant, memory, outputs, dt)
+    read_instruments(plant, memory, state.shaft_speed, outputs, dt)

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
 from .four_quadrant import PITCH_NODES, TABLE_SHAPE, four_quadrant_coefficients, scaled_to_bollard
-from .keys import Section, effect, number, require
+from .keys import Section, effect, entry, number, require
 from .open_water import (
     CURVE_SHAPE,
     MAX_ADVANCE_RATIO,
@@ -21,11 +21,15 @@ from .open_water import (
     advance_ratio,
     b_series,
     constant_coefficient,
-    open_water,
 )
-
-B_SERIES, FOUR_QUADRANT = 0, 1
-"""Codes of ``plant.propeller_model``."""
+from .open_water_table import RECORD_FIELDS, OpenWaterTable
+from .propeller_curves import (
+    FOUR_QUADRANT,
+    NO_PROPELLER,
+    TABLE,
+    thrust_coefficient,
+    torque_coefficient,
+)
 
 ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC), m/s2
 
@@ -33,6 +37,7 @@ ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC
 class Propeller(Section):
     """Open-water curves and what may be lost from them."""
 
+    needs = "has_propeller"
     derived = (
         ("propeller_model", np.int64),
         ("expanded_area_ratio", np.float64),
@@ -41,10 +46,17 @@ class Propeller(Section):
         ("kq", np.float64, CURVE_SHAPE),
         ("four_quadrant_pitch", np.float64, (len(PITCH_NODES),)),
         ("four_quadrant", np.float64, TABLE_SHAPE),
+        ("advance_ratio_min", np.float64),
+        ("advance_ratio_max", np.float64),
+        *RECORD_FIELDS,
     )
 
-    model: Literal["b-series", "four-quadrant", "bollard"] = "b-series"
-    diameter_m: float = number("diameter D", "m", record="diameter", gt=0, le=15)
+    model: Literal["b-series", "four-quadrant", "bollard", "table", "none"] = Field(
+        default="b-series", description="open-water curves; none is a shaft without a propeller"
+    )
+    diameter_m: float = number(
+        "diameter D", "m", record="diameter", required="with a propeller", gt=0, le=15, default=1.0
+    )
     blades: int = Field(default=4, ge=2, le=7, description="number of blades Z")
     expanded_area_ratio: float = Field(default=0.7, ge=0.3, le=1.05, description="EAR")
     pitch_ratio_min: float = number(
@@ -58,8 +70,17 @@ class Propeller(Section):
         "eta_r", record="relative_rotative_efficiency", gt=0.5, lt=1.5, default=1.0
     )
     depth_m: float = number("depth of the centre", "m", record="depth", ge=0, le=30, default=4.0)
-    thrust_coefficient: float = Field(default=0.0, ge=0, le=2, description="KT at J = 0 (bollard)")
-    torque_coefficient: float = Field(default=0.0, ge=0, le=1, description="KQ at J = 0 (bollard)")
+    thrust_coefficient: float = entry(
+        "KT at J = 0 (bollard)", record="kt", place=(0, 0), needs="has_constant_coefficients",
+        ge=0, le=2, default=0.0,
+    )  # fmt: skip
+    torque_coefficient: float = entry(
+        "KQ at J = 0 (bollard)", record="kq", place=(0, 0), needs="has_constant_coefficients",
+        ge=0, le=1, default=0.0,
+    )  # fmt: skip
+    open_water: OpenWaterTable | None = Field(
+        default=None, description="a table of one's own, with model table"
+    )
     roughness_drag: float = effect(
         0.0, "added blade drag coefficient", record="propeller_roughness", ge=0, le=0.05
     )
@@ -87,12 +108,37 @@ class Propeller(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> Propeller:
-        keys: tuple[str, ...] = ("torque_coefficient",)
-        if self.model != "bollard":
-            keys = ("blades", "expanded_area_ratio", "pitch_ratio_min", "pitch_ratio_max")
-        require(self, keys, f"with propeller.model = {self.model!r}")
+        if self.model == "none":
+            if idle := sorted(self.model_fields_set - {"model"}):
+                raise ValueError(f"{idle[0]} acts on nothing with propeller.model = 'none'")
+            return self
+        keys: tuple[str, ...] = (
+            "blades",
+            "expanded_area_ratio",
+            "pitch_ratio_min",
+            "pitch_ratio_max",
+        )
+        if self.model == "bollard":
+            keys = ("torque_coefficient",)
+        elif self.model == "table":
+            keys = ("open_water",)
+        elif self.open_water is not None:
+            raise ValueError(f"open_water acts on nothing with propeller.model = {self.model!r}")
+        require(self, ("diameter_m", *keys), f"with propeller.model = {self.model!r}")
         if self.pitch_ratio_min > self.pitch_ratio_max:
             raise ValueError("pitch_ratio_min must not exceed pitch_ratio_max")
+        if self.open_water is not None:
+            tabled = self.open_water.pitch_ratio
+            if not tabled and self.pitch_ratio_min < self.pitch_ratio_max:
+                raise ValueError("blades that turn ask for open_water.pitch_ratio, two at least")
+            if (
+                tabled
+                and not tabled[0] <= self.pitch_ratio_min <= self.pitch_ratio_max <= tabled[-1]
+            ):
+                raise ValueError(
+                    f"pitch_ratio_min and pitch_ratio_max must lie within open_water.pitch_ratio, "
+                    f"{tabled[0]:g} to {tabled[-1]:g}"
+                )
         return self
 
     def fill(self, record: Any) -> None:
@@ -100,7 +146,16 @@ class Propeller(Section):
         super().fill(record)
         record["expanded_area_ratio"] = self.expanded_area_ratio
         record["blade_solidity"] = 2.073 * self.expanded_area_ratio  # c Z / D at 0.75 R, B-series
-        if self.model == "bollard":
+        record["advance_ratio_min"] = MIN_ADVANCE_RATIO
+        record["advance_ratio_max"] = MAX_ADVANCE_RATIO
+        if self.model == "none":
+            record["propeller_model"] = NO_PROPELLER
+        elif self.open_water is not None:
+            record["propeller_model"] = TABLE
+            record["advance_ratio_min"] = self.open_water.advance_ratio[0]
+            record["advance_ratio_max"] = self.open_water.advance_ratio[-1]
+            self.open_water.fill_table(record)
+        elif self.model == "bollard":
             record["kt"] = constant_coefficient(self.thrust_coefficient)
             record["kq"] = constant_coefficient(self.torque_coefficient)
         else:
@@ -181,17 +236,17 @@ def propeller_load(
     else:
         j = clip(
             advance_ratio(advance_velocity, shaft_speed, plant.diameter),
-            MIN_ADVANCE_RATIO,
-            MAX_ADVANCE_RATIO,
+            plant.advance_ratio_min,
+            plant.advance_ratio_max,
         )
-        kt_n2 = open_water(plant.kt, j, pitch_ratio) * n2
-        kq_n2 = open_water(plant.kq, j, pitch_ratio) * n2
-    if plant.propeller_roughness > 0.0:
+        kt_n2 = thrust_coefficient(plant, j, pitch_ratio) * n2
+        kq_n2 = torque_coefficient(plant, j, pitch_ratio) * n2
+    if plant.propeller_roughness != 0.0:
         drag = plant.propeller_roughness * plant.blade_solidity * n2
         kt_n2 = kt_n2 - 0.3 * pitch_ratio * drag
         kq_n2 = kq_n2 + 0.25 * drag
     deep_kt = kt_n2 / (n * n + MIN_REVOLUTIONS * MIN_REVOLUTIONS)
-    if plant.cavitation_breakdown > 0.0:
+    if plant.cavitation_breakdown != 0.0:
         loss = cavitation_loss(plant, n, submergence)
         kt_n2 = kt_n2 * (1.0 - loss)
         kq_n2 = kq_n2 * (1.0 - loss * plant.cavitation_torque_share)

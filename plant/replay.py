@@ -10,7 +10,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
-from .columns import MEASURED, ON_ANY_SHIP, TIME, drive_column, input_columns
+from .columns import (
+    MEASURED,
+    ON_ANY_SHIP,
+    SHAFT_ANGLE,
+    SHAFT_SPEED,
+    TIME,
+    answered_columns,
+    drive_column,
+    input_columns,
+)
 from .dynamics import settled
 from .hull import wake_inflow, water_speed
 from .memory import MEMORY
@@ -25,7 +34,7 @@ from .waves import calm
 WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
 """Columns of what the water does, which act where a recording has them."""
 
-_START = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
+_START = ("pitch_ratio", SHAFT_SPEED, "ship_speed_m_s")
 
 
 @compiled
@@ -40,15 +49,17 @@ def _fill_inflow(
 class Replay:
     """One recording's inputs, ready to drive a ship many times.
 
-    Demands are held between rows; submergence and measured inflow are linear between them. The inflow at
-    the propeller is then the measured one, whatever wake or current the ship's record has.
+    Demands are held between rows, but a speed at which the shaft is held is linear between them, as are
+    submergence and measured inflow. The inflow at the propeller is then the measured one, whatever wake
+    or current the ship's record has.
 
     Args:
         ship: the ship.
         table: canonical columns at an even interval, all finite.
         start_over_s: the first pitch ratio, shaft speed and ship speed are the measured ones, averaged
-            over this long; 0 takes the first row's. What was not measured is that of the steady state at
-            the first row's demands.
+            over this long; 0 takes the first row's. Of a measured shaft angle, a parabola through as
+            much, three rows at least, gives the first angle, and the first speed if that was not
+            measured. What was not measured is that of the steady state at the first row's demands.
 
     Raises:
         RecordingError: no state to start from, or a measured inflow at a hull that moves without a ship
@@ -71,6 +82,9 @@ class Replay:
         if ship.has_variable_pitch and "pitch_ratio_command" in table:
             self.command = self._column("pitch_ratio_command")
         self.drive, self.pitch = self._held(self.drive_rows), self._held(self.command)
+        if not ship.turns_freely:  # led from each measured speed to the next
+            ends = self.dt * np.arange(1.0, len(self.drive) + 1.0)
+            self.drive = np.interp(ends, self.time_s, self.drive_rows)
         self.elevation_rows = np.zeros(self.rows)
         if WATER[0] in table:
             self.elevation_rows = self._column(WATER[0]) - ship.propeller.depth_m
@@ -82,8 +96,10 @@ class Replay:
             self._speed = self._column("ship_speed_m_s")
         self.elevation = self._continuous(self.elevation_rows)
         self.resistance_factor = np.ones(2 * len(self.drive) + 1)
-        self.channels = [column for column in MEASURED if column in table]
-        self.start = self._first_state(start_over_s)
+        self.channels = [column for column in answered_columns(ship) if column in table]
+        over = max(1, min(round(start_over_s / self.interval_s), self.rows // 20))
+        self.start = self._first_state(over)
+        self.start_angle = self._turning(max(over, 3))[0] if SHAFT_ANGLE in table else 0.0
         self._samples = np.zeros(len(self.drive) + 1, SAMPLE)
 
     def _column(self, name: str) -> NDArray[np.float64]:
@@ -96,12 +112,15 @@ class Replay:
         fine = np.arange(2 * (self.rows - 1) * self.per_row + 1) * (0.5 * self.dt)
         return np.ascontiguousarray(np.interp(fine, self.time_s, rows))
 
-    def _first_state(self, over_s: float) -> tuple[float, float, float]:
-        """Pitch ratio, shaft speed and ship speed to start from."""
-        count = max(1, min(round(over_s / self.interval_s), self.rows // 20))
+    def _first_state(self, count: int) -> tuple[float, float, float]:
+        """Pitch ratio, shaft speed and ship speed to start from, from some rows."""
         first = {c: float(self._column(c)[:count].mean()) for c in _START if c in self.table}
+        if SHAFT_ANGLE in self.table:
+            first = {SHAFT_SPEED: self._turning(max(count, 3))[1]} | first
         if not self.ship.moves:
             first["ship_speed_m_s"] = 0.0
+        if not self.ship.turns_freely:
+            first[SHAFT_SPEED] = float(self.drive_rows[0])
         if not self.ship.has_variable_pitch:
             first["pitch_ratio"] = self.ship.propeller.pitch_ratio_max
         if len(first) < len(_START):
@@ -117,6 +136,15 @@ class Replay:
         pitch, shaft, speed = (first[column] for column in _START)
         return pitch, shaft, speed
 
+    def _turning(self, count: int) -> tuple[float, float]:
+        """Angle [rad] and speed [rad/s] of the shaft at the first row, by a parabola through some."""
+        angle = self._column(SHAFT_ANGLE)[:count]
+        degree = min(2, len(angle) - 1)
+        found = np.polynomial.Polynomial.fit(
+            self.time_s[:count], angle - angle[0], degree, domain=[0.0, 1.0], window=[0.0, 1.0]
+        )
+        return float(angle[0] + found(0.0)), float(found.deriv()(0.0))
+
     def inflow_rows(self, plant: Any) -> NDArray[np.float64]:
         """Disturbance u_x [m/s] at the rows that brings the inflow to the measured one; else 0.
 
@@ -129,6 +157,22 @@ class Replay:
         _fill_inflow(plant, self._speed, nominal)
         return np.asarray(self._met - nominal)
 
+    def inflow(self, plant: Any) -> NDArray[np.float64]:
+        """The same at the steps' starts and middles and the last one's end, shape (2 steps + 1,)."""
+        return self._continuous(self.inflow_rows(plant))
+
+    def first_state(self, start: tuple[float, ...] | None = None) -> State:
+        """State at the first row, what lags not yet settled; ``self.start`` where none is given."""
+        bare = State(*map(float, self.start if start is None else start))
+        return bare._replace(shaft_angle=self.start_angle)
+
+    def first_inputs(self, plant: Any) -> Inputs:
+        """What acts at the first row."""
+        return Inputs(
+            float(self.drive[0]), float(self.pitch[0]), float(self.inflow_rows(plant)[0]),
+            elevation=float(self.elevation[0]),
+        )  # fmt: skip
+
     def simulate(
         self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None
     ) -> NDArray[Any]:
@@ -139,17 +183,12 @@ class Replay:
             start: pitch ratio, shaft speed and ship speed at the first row; ``self.start`` by default.
             sea: SEA record, or None for calm water.
         """
-        inflow = self.inflow_rows(plant)
-        inputs = Inputs(
-            float(self.drive[0]), float(self.pitch[0]), float(inflow[0]),
-            elevation=float(self.elevation[0]),
-        )  # fmt: skip
-        bare = State(*map(float, self.start if start is None else start))
+        inflow = self.inflow(plant)
         state = np.zeros(1, STATE)
-        state[0] = tuple(settled(plant, bare, inputs))
+        state[0] = tuple(settled(plant, self.first_state(start), self.first_inputs(plant)))
         trajectory(
             plant, state[0], np.zeros(1, MEMORY)[0], calm() if sea is None else sea.copy(),
-            self.drive, self.pitch, self._continuous(inflow), self.elevation,
+            self.drive, self.pitch, inflow, self.elevation,
             self.resistance_factor, self.dt, self._samples,
         )  # fmt: skip
         return self._samples[:: self.per_row].copy()
@@ -176,6 +215,8 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
     given = [*input_columns(ship), *WATER]
     columns: dict[str, Any] = {c: recording[c] for c in given if c in recording}
     columns |= {
-        c: samples[name] for c, name in MEASURED.items() if c in ON_ANY_SHIP or c in recording
+        c: samples[MEASURED[c]]
+        for c in answered_columns(ship)
+        if c in ON_ANY_SHIP or c in recording
     }
     return pd.DataFrame(columns)

@@ -9,27 +9,40 @@ import numpy as np
 from ..core.compiled import Real, Record, compiled
 from .keys import Section, effect, number
 
-_STICTION_SPEED = 0.05  # rad/s; Coulomb friction changes sign over this speed instead of at once
+FREE = "turns_freely"
+UNLESS_HELD = "unless the drive holds its speed"
 
 
 class Transmission(Section):
     """Gearbox, inertias on either side of the torque gauge, friction."""
 
-    gear_ratio: float = number("engine speed / shaft speed", record="gear_ratio", gt=0, le=100)
-    efficiency: float = number("eta_trm", record="transmission_efficiency", gt=0.3, le=1)
+    gear_ratio: float = number(
+        "engine speed / shaft speed", record="gear_ratio", needs=FREE, required=UNLESS_HELD,
+        gt=0, le=100, default=1.0,
+    )  # fmt: skip
+    efficiency: float = number(
+        "eta_trm", record="transmission_efficiency", needs=FREE, required=UNLESS_HELD,
+        gt=0.3, le=1, default=1.0,
+    )  # fmt: skip
     inertia_engine_side_kg_m2: float = number(
-        "I_L, at the propeller shaft", "kg m2", record="inertia_engine_side", gt=0, le=1e9
-    )
+        "I_L, at the propeller shaft", "kg m2", record="inertia_engine_side", needs=FREE,
+        required=UNLESS_HELD, gt=0, le=1e9, default=0.0,
+    )  # fmt: skip
     inertia_propeller_side_kg_m2: float = number(
-        "I_R", "kg m2", record="inertia_propeller_side", ge=0, le=1e9
-    )
+        "I_R", "kg m2", record="inertia_propeller_side", required=UNLESS_HELD, ge=0, le=1e9,
+        default=0.0,
+    )  # fmt: skip
+    stiction_speed_rad_s: float = number(
+        "speed below which Coulomb friction sticks: it is M tanh(omega / this)", "rad/s",
+        record="stiction_speed", gt=0, le=10, default=0.05,
+    )  # fmt: skip
     coulomb_friction_engine_side_N_m: float = effect(
         0.0, "Coulomb friction before the gauge, at the propeller shaft", "N m",
-        record="coulomb_engine_side", ge=0, le=1e7,
+        record="coulomb_engine_side", needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
     viscous_friction_engine_side_N_m_s_rad: float = effect(
         0.0, "viscous friction before the gauge", "N m s/rad", record="viscous_engine_side",
-        ge=0, le=1e7,
+        needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
     coulomb_friction_propeller_side_N_m: float = effect(
         0.0, "Coulomb friction behind the gauge", "N m", record="coulomb_propeller_side",
@@ -46,21 +59,22 @@ class Transmission(Section):
 
 
 @compiled
-def friction_torque(coulomb: float, viscous: float, shaft_speed: Real) -> Real:
+def friction_torque(plant: Record, coulomb: float, viscous: float, shaft_speed: Real) -> Real:
     """Coulomb and viscous friction [N m] that oppose the rotation.
 
     Args:
-        coulomb: torque independent of speed [N m]; tanh(omega / 0.05) instead of the sign, so that
-            a shaft can start from rest. Beyond 1 rad/s the two are equal to the last bit.
+        plant: ship record, for ``stiction_speed`` [rad/s].
+        coulomb: torque independent of speed [N m]; tanh(omega / stiction_speed) instead of the sign, so
+            that a shaft can start from rest. Beyond 20 of it the two are equal to the last bit.
         viscous: torque per shaft speed [N m s/rad].
         shaft_speed: omega [rad/s].
     """
     if coulomb == 0.0 and viscous == 0.0:
         return 0.0
-    if abs(shaft_speed.real) > 20.0 * _STICTION_SPEED:
+    if abs(shaft_speed.real) > 20.0 * plant.stiction_speed.real:
         direction = math.copysign(1.0, shaft_speed.real)
     else:
-        direction = np.tanh(shaft_speed / _STICTION_SPEED)
+        direction = np.tanh(shaft_speed / plant.stiction_speed)
     return coulomb * direction + viscous * shaft_speed
 
 
@@ -80,14 +94,16 @@ def drive_torque(plant: Record, brake_torque: Real, shaft_speed: Real) -> Real:
     """
     torque = brake_torque * plant.gear_ratio * plant.transmission_efficiency
     return torque - friction_torque(
-        plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
+        plant, plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
     )
 
 
 @compiled
 def brake_torque_of(plant: Record, torque: Real, shaft_speed: Real) -> Real:
     """Brake torque [N m] that makes a :func:`drive_torque`."""
-    friction = friction_torque(plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed)
+    friction = friction_torque(
+        plant, plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
+    )
     return (torque + friction) / (plant.gear_ratio * plant.transmission_efficiency)
 
 
@@ -95,7 +111,7 @@ def brake_torque_of(plant: Record, torque: Real, shaft_speed: Real) -> Real:
 def load_torque(plant: Record, propeller_torque: Real, shaft_speed: Real) -> Real:
     """Torque [N m] that the shaft has to bear behind the gauge: propeller, friction and drag."""
     torque = propeller_torque + friction_torque(
-        plant.coulomb_propeller_side, plant.viscous_propeller_side, shaft_speed
+        plant, plant.coulomb_propeller_side, plant.viscous_propeller_side, shaft_speed
     )
     return torque + quadratic_drag(plant, shaft_speed)
 
@@ -107,10 +123,10 @@ def inertia_behind_gauge(plant: Record) -> float:
 
 
 @compiled
-def shaft_inertia(plant: Record) -> float:
+def shaft_inertia(plant: Record) -> Real:
     """Inertia I [kg m2] of the whole line at the propeller shaft, entrained water included."""
     rotating = plant.inertia_engine_side + plant.inertia_propeller_side
-    return float(rotating + plant.entrained_inertia)
+    return rotating + plant.entrained_inertia
 
 
 @compiled

@@ -11,11 +11,21 @@ from pydantic import Field, model_validator
 from .actuators import PitchActuator
 from .drives import Diesel, Drive
 from .hull import Hull
-from .keys import KeyInfo, Number, Section, info_of, record_field
+from .keys import (
+    LACKING,
+    KeyInfo,
+    Number,
+    Section,
+    info_of,
+    needs_of,
+    place_of,
+    require,
+    required_when,
+)
 from .memory import HISTORY, Sensors
 from .propeller import Propeller
 from .record import record_of
-from .shaft import Transmission
+from .shaft import UNLESS_HELD, Transmission
 from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
 from .term_kernel import MAX_TERMS
@@ -33,12 +43,12 @@ class Ship(Section):
 
     name: str
     description: str = ""
-    water: Water
+    water: Water = Water()
     hull: Hull
     propeller: Propeller
     ventilation: Ventilation = Ventilation()
     prime_mover: Annotated[Drive, Field(discriminator="type")]
-    transmission: Transmission
+    transmission: Transmission = Transmission()
     pitch_actuator: PitchActuator = PitchActuator()
     sensors: Sensors = Sensors()
     integration: Integration = Integration()
@@ -50,8 +60,7 @@ class Ship(Section):
     def _consistent(self) -> Ship:
         step = self.integration.time_step_s
         longest = step * (HISTORY - 2)
-        delays = {"sensors.torque_delay_s": self.sensors.torque_delay_s}
-        for key, delay in (delays | self.prime_mover.delays).items():
+        for key, delay in (self.sensors.delays | self.prime_mover.delays).items():
             if delay > longest:
                 raise ValueError(
                     f"{key} = {delay} s is more than {longest:.4g} s, "
@@ -60,9 +69,28 @@ class Ship(Section):
         ids = [term.id for term in self.term]
         if twice := [name for name in ids if ids.count(name) > 1]:
             raise ValueError(f"term {twice[0]!r} stands twice")
+        for key in self.tolerances.numbers:
+            self.number(key)
+        if self.has_propeller:
+            require(self.water, ("density_kg_m3",), "with a propeller", "water.")
+        if self.turns_freely:
+            keys = [
+                k for k, i in Transmission.model_fields.items() if required_when(i) == UNLESS_HELD
+            ]
+            require(self.transmission, tuple(keys), UNLESS_HELD, "transmission.")
+        for term in self.term:
+            if term.acts_on in ("drive", "drive_torque") and not self.turns_freely:
+                raise ValueError(
+                    f"term {term.id!r} acts on nothing: acts_on = {term.acts_on!r} on a shaft whose "
+                    "speed is held"
+                )
         lacking = self.unexplained.balance if self.unexplained else ""
         if lacking == "hull" and not self.moves:
             raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
+        if lacking == "engine" and not self.turns_freely:
+            raise ValueError(
+                "unexplained.balance = 'engine' asks for a shaft whose speed is not held"
+            )
         if lacking == "pitch-actuator" and not self.has_variable_pitch:
             raise ValueError("unexplained.balance = 'pitch-actuator' asks for a variable pitch")
         what, constant = self.prime_mover.time_constant
@@ -120,6 +148,26 @@ class Ship(Section):
         return self.prime_mover.demand.unit == "V"
 
     @property
+    def has_propeller(self) -> bool:
+        """Whether its shaft turns a propeller."""
+        return self.propeller.model != "none"
+
+    @property
+    def has_constant_coefficients(self) -> bool:
+        """Whether its propeller's KT and KQ are two numbers, as at bollard pull."""
+        return self.propeller.model == "bollard"
+
+    @property
+    def turns_freely(self) -> bool:
+        """Whether its shaft's speed follows from the torques on it, and is not held."""
+        return not self.prime_mover.holds_speed
+
+    @property
+    def has_line_shaft(self) -> bool:
+        """Whether friction behind the torque gauge is told from that of the drive: not on a motor."""
+        return self.drive_balance != "motor"
+
+    @property
     def has_variable_pitch(self) -> bool:
         """Whether its blades turn."""
         return self.propeller.pitch_ratio_min < self.propeller.pitch_ratio_max
@@ -131,13 +179,14 @@ class Ship(Section):
 
     @property
     def drive_balance(self) -> str:
-        """Balance of its prime mover: ``engine`` or ``motor``."""
+        """Balance of its prime mover: ``engine`` or ``motor``; empty where its speed is held."""
         return self.prime_mover.balance
 
     @property
     def balances(self) -> tuple[str, ...]:
         """Balances that an effect on this ship may act in."""
-        own = [self.drive_balance, "propeller", "sensor"]
+        own = [self.drive_balance] if self.drive_balance else []
+        own += ["propeller", "sensor"] if self.has_propeller else ["sensor"]
         own += ["hull"] if self.moves else []
         return (*own, "pitch-actuator") if self.has_variable_pitch else tuple(own)
 
@@ -179,19 +228,23 @@ class Ship(Section):
             dotted: ``section.key``, or ``term.ID.PARAMETER`` of a term.
 
         Raises:
-            ShipError: unknown key, or one that is not a single number of the kernels' record.
+            ShipError: unknown key, one that is not a single number of the kernels' record, or one
+                that acts on nothing on this ship.
         """
         section, _, key = dotted.partition(".")
         if section == "term":
             return self._number_of_term(dotted, *key.partition(".")[::2])
         table = getattr(self, section, None) if section in type(self).model_fields else None
         fields = type(table).model_fields if isinstance(table, Section) else {}
-        if key not in fields:
+        if table is None or key not in fields:
             raise ShipError(f"{self.name}: {dotted} is not a known key")
-        field = record_field(fields[key])
-        if field is None:
+        for need in f"{table.needs} {needs_of(fields[key])}".split():
+            if not getattr(self, need):
+                raise ShipError(f"{dotted} acts on nothing: {self.name} {LACKING[need]}")
+        found = place_of(fields[key])
+        if found is None:
             raise ShipError(f"{self.name}: {dotted} has no field of its own in the kernels' record")
-        return Number(dotted, float(getattr(table, key)), info_of(fields[key]), field)
+        return Number(dotted, float(getattr(table, key)), info_of(fields[key]), *found)
 
     def _number_of_term(self, dotted: str, term: str, name: str) -> Number:
         for slot, own in enumerate(self.term):

@@ -6,7 +6,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from .keys import allowed_range, unit_of
+from .keys import MissingKeyError, allowed_range, unit_of
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -71,5 +71,7 @@ def _explained(model: type[BaseModel], item: dict[str, Any]) -> str:
         return f"{key} is not a known key"
     if kind == "value_error":
         section = ".".join(str(part) for part in item["loc"] if part not in tags)
-        return f"{section}: {item['ctx']['error']}" if section else str(item["ctx"]["error"])
+        error = item["ctx"]["error"]
+        joint = "." if isinstance(error, MissingKeyError) else ": "
+        return f"{section}{joint}{error}" if section else str(error)
     return f"{key} = {item.get('input')!r}: {item['msg'].lower()}{allowed}"

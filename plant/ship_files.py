@@ -10,9 +10,10 @@ from typing import get_args
 
 import tomli_w
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from ..core.files import write_text
-from .keys import allowed_range, unit_of
+from .keys import allowed_range, default_of, unit_of
 from .ship import Ship
 from .ship_errors import ShipError, kinds, tag_of, validated
 
@@ -90,23 +91,35 @@ def ship_keys() -> list[tuple[str, str, str, str, str]]:
     """Every key of a ship file: dotted name, unit, allowed range, default, description."""
     rows = []
     for section, info in Ship.model_fields.items():
-        members = kinds(info.annotation)
-        options = [k for k in members if isinstance(k, type) and issubclass(k, BaseModel)]
+        options = _sections(info)
         for kind in options:
-            for key, field in kind.model_fields.items():
-                label = f"{section}.{key}"
-                if len(options) > 1 and key != "type":
-                    label += f" ({tag_of(kind)})"
-                names = [str(a) for a in get_args(field.annotation) if isinstance(a, str)]
-                allowed = ", ".join(names) or ("true, false" if field.annotation is bool else "")
-                default = "required" if field.is_required() else f"{field.default}"
-                rows.append(
-                    (
-                        label,
-                        unit_of(field),
-                        allowed or allowed_range(field),
-                        default,
-                        field.description or "",
-                    )
-                )
+            tag = f" ({tag_of(kind)})" if len(options) > 1 else ""
+            rows += _rows(section, kind, tag)
+    return rows
+
+
+def _sections(info: FieldInfo) -> list[type[BaseModel]]:
+    members = kinds(info.annotation)
+    return [k for k in members if isinstance(k, type) and issubclass(k, BaseModel)]
+
+
+def _rows(path: str, kind: type[BaseModel], tag: str) -> list[tuple[str, str, str, str, str]]:
+    """Rows of one section; a table within it has its keys in its place."""
+    rows = []
+    for key, field in kind.model_fields.items():
+        if within := _sections(field):
+            rows += _rows(f"{path}.{key}", within[0], tag)
+            continue
+        label = f"{path}.{key}" + (tag if key != "type" else "")
+        names = [str(a) for a in get_args(field.annotation) if isinstance(a, str)]
+        allowed = ", ".join(names) or ("true, false" if field.annotation is bool else "")
+        rows.append(
+            (
+                label,
+                unit_of(field),
+                allowed or allowed_range(field),
+                default_of(field),
+                field.description or "",
+            )
+        )
     return rows

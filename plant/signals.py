@@ -32,12 +32,14 @@ SIGNALS = (
     Signal("pitch_command", "P/D_d", "-", -1.6, 1.6, "demand", "pitch_ratio_command",
            "commanded pitch ratio"),
     Signal("pitch_ratio", "P/D", "-", -2.1, 2.1, "truth", "true_pitch_ratio", "blade pitch ratio"),
-    Signal("shaft_speed", "omega", "rad/s", -1e3, 1e3, "sensor", "shaft_speed_rad_s",
+    Signal("shaft_speed", "omega", "rad/s", -1e3, 1e3, "truth", "true_shaft_speed_rad_s",
            "speed of the propeller shaft"),
     Signal("shaft_torque", "M_m", "N m", -1e8, 1e8, "truth", "true_shaft_torque_N_m",
            "torque at the gauge between I_L and I_R"),
     Signal("ship_speed", "v_s", "m/s", -40, 40, "truth", "true_ship_speed_m_s",
            "speed over ground"),
+    Signal("measured_shaft_speed", "omega", "rad/s", -1e3, 1e3, "sensor", "shaft_speed_rad_s",
+           "reading of the shaft's speed sensor"),
     Signal("measured_pitch_ratio", "P/D", "-", -2.6, 2.6, "sensor", "pitch_ratio",
            "reading of the pitch sensor"),
     Signal("measured_shaft_torque", "M_m", "N m", -1e8, 1e8, "sensor", "shaft_torque_N_m",
@@ -61,6 +63,8 @@ SIGNALS = (
     Signal("ventilation", "alpha", "-", 0, 1, "truth", "ventilation", "degree of ventilation"),
     Signal("position", "x", "m", -math.inf, math.inf, "truth", "position_m",
            "distance along the track"),
+    Signal("shaft_angle", "theta", "rad", -math.inf, math.inf, "sensor", "shaft_angle_rad",
+           "angle turned by the propeller shaft, counted on beyond a turn"),
 )  # fmt: skip
 
 CONTROL_SIGNALS = (

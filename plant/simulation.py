@@ -36,6 +36,7 @@ def _write(
     sample.shaft_speed = state.shaft_speed
     sample.shaft_torque = outputs.shaft_torque
     sample.ship_speed = state.ship_speed
+    sample.measured_shaft_speed = memory.shaft_speed
     sample.measured_pitch_ratio = memory.pitch_ratio
     sample.measured_shaft_torque = memory.shaft_torque
     sample.measured_ship_speed = speed_log
@@ -49,6 +50,7 @@ def _write(
     sample.submergence = outputs.submergence
     sample.ventilation = state.ventilation
     sample.position = state.position
+    sample.shaft_angle = state.shaft_angle
 
 
 @compiled
@@ -122,7 +124,7 @@ class Schedule:
     Commands are held over each step; disturbances are continuous.
 
     Args:
-        drive: fuel rack [mm], voltage [V] or torque [N m].
+        drive: fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s].
         pitch_command: P/D [-].
         inflow: disturbance u_x of the advance velocity, the sea's apart [m/s].
         resistance_factor: d_c1 [-].

@@ -33,7 +33,7 @@ class State(NamedTuple):
     pitch_ratio: Annotated[
         Real, Where(lambda plant: plant["pitch_ratio_min"] < plant["pitch_ratio_max"])
     ]  # of the actuator [-]
-    shaft_speed: Real  # omega [rad/s]
+    shaft_speed: Annotated[Real, Where(lambda plant: plant["speed_held"] == 0)]  # omega [rad/s]
     ship_speed: Annotated[Real, Where(lambda plant: plant["hull_fixed"] == 0)]  # over ground [m/s]
     # nothing depends on the position but the phase of the waves
     position: Annotated[Real, Where(lambda plant: False)] = 0.0  # along the track [m]
@@ -41,6 +41,8 @@ class State(NamedTuple):
     inflow: Annotated[Real, Lag("inflow_lag")] = 0.0  # advance velocity where it lags [m/s]
     ventilation: Annotated[Real, Where(can_ventilate)] = 0.0  # degree of ventilation [-]
     motor_current: Annotated[Real, Lag("armature_inductance")] = 0.0  # where it has dynamics [A]
+    # nothing depends on the angle but a recording that has it in place of the speed
+    shaft_angle: Annotated[Real, Where(lambda plant: False)] = 0.0  # turned by the shaft [rad]
 
 
 def _declared() -> dict[str, Where | Lag]:
@@ -91,7 +93,7 @@ def motion_state(pitch_ratio, shaft_speed, ship_speed):
 )
 """The state of pitch, shaft and hull alone, for kernels, where a tuple's defaults do not act."""
 
-moved: Callable[[State, State, float], State] = spelled_out(
+moved: Callable[[State, State, Real], State] = spelled_out(
     """
 def moved(state, rate, h):
     return State(
@@ -153,7 +155,7 @@ def without_rates(state, rate, rate_beside):
 class Inputs(NamedTuple):
     """What acts on the plant at one instant."""
 
-    drive: Real  # fuel rack [mm], voltage [V] or torque [N m]
+    drive: Real  # fuel rack [mm], voltage [V], torque [N m] or speed [rad/s]
     pitch_command: Real  # P/D [-]
     inflow: Real = 0.0  # disturbance u_x of the advance velocity [m/s]
     inflow_slope: float = 0.0  # of the wave field along the track [1/s]
@@ -161,6 +163,7 @@ class Inputs(NamedTuple):
     elevation: Real = 0.0  # of the surface above the propeller [m]
     resistance_factor: Real = 1.0  # d_c1 [-]
     time: Real = 0.0  # since the start [s]
+    drive_rate: Real = 0.0  # of a speed that is held [rad/s2]
 
 
 class Outputs(NamedTuple):

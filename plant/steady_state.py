@@ -34,7 +34,7 @@ def equilibrium(
 
     Args:
         ship: the ship.
-        drive: fuel rack [mm], voltage [V] or torque [N m].
+        drive: fuel rack [mm], voltage [V], torque [N m] or held speed [rad/s].
         pitch_ratio: commanded P/D [-].
         inflow: steady advance-velocity disturbance u_x [m/s].
         resistance_factor: d_c1 [-].
@@ -66,6 +66,8 @@ def equilibrium(
         rate, outputs = evaluate(plant, complete(shaft_speed, ship_speed), inputs, blade, False)
         scale = max(abs(outputs.shaft_torque), 1e-9)
         shaft = rate.shaft_speed * float(plant["inertia_engine_side"]) / scale
+        if not ship.turns_freely:
+            shaft = (shaft_speed - float(drive)) / max(abs(drive), 1e-9)
         if not moving:
             return [shaft]
         return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
@@ -73,7 +75,8 @@ def equilibrium(
     for start in _starts(ship, drive):
         found = root(residual, start if moving else start[:1], method="hybr", tol=1e-13)
         if np.max(np.abs(residual(found.x))) < 1e-9 and found.x[0] > 1e-3:
-            state = complete(float(found.x[0]), float(found.x[1]) if moving else 0.0)
+            turns = float(found.x[0]) if ship.turns_freely else float(drive)
+            state = complete(turns, float(found.x[1]) if moving else 0.0)
             _, outputs = evaluate(plant, state, inputs, blade, False)
             return Equilibrium(state, outputs, inputs)
     raise ValueError(
@@ -88,6 +91,8 @@ def _starts(ship: Ship, drive: float) -> list[list[float]]:
         top = float(plant["engine_speed_max"] / plant["gear_ratio"])
     elif plant["motor_constant"] > 0.0:
         top = abs(drive) / float(plant["motor_constant"] * plant["gear_ratio"])
+    elif not ship.turns_freely:
+        top = abs(drive)
     else:
         top = 20.0
     shares = (0.7, 0.4, 1.0, 0.2, 0.1)

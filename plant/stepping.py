@@ -31,6 +31,7 @@ def _inputs(
     wave: WaveMotion,
     episode: float,
     time: float,
+    drive_rate: float,
 ) -> Inputs:
     return Inputs(
         drive,
@@ -41,6 +42,7 @@ def _inputs(
         disturbance.elevation + wave.elevation,
         disturbance.resistance_factor * episode,
         time,
+        drive_rate,
     )
 
 
@@ -85,7 +87,8 @@ def step(
         state: STATE record.
         memory: MEMORY record.
         sea: SEA record; its phasors are set anew every ``SYNC_STEPS`` steps.
-        drive: demand on the prime mover [mm | V | N m], held over the step.
+        drive: demand on the prime mover [mm | V | N m], held over the step; a speed [rad/s] that is held
+            is led to in a straight line, to be reached at the step's end.
         pitch_command: commanded P/D [-], held over the step.
         start: disturbance at the step's start, added to the sea's.
         middle: at its middle.
@@ -103,21 +106,29 @@ def step(
     if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
         synchronise(sea, time, now.position, now.ship_speed, 0.5 * dt)
     wave = motion(sea, now.position)
-    first = _inputs(delivered, pitch_command, start, wave, episode, time)
+    begins = middles = delivered
+    speed_rate = 0.0
+    if plant.speed_held != 0:
+        begins = now.shaft_speed
+        middles = 0.5 * (begins + delivered)
+        speed_rate = (delivered - begins) / dt
+    first = _inputs(begins, pitch_command, start, wave, episode, time, speed_rate)
     if sea.present != 0:
         turn(sea, 0.5 * dt)
         wave = motion(sea, now.position)
-    second = _inputs(delivered, pitch_command, middle, wave, episode, time + 0.5 * dt)
+    second = _inputs(middles, pitch_command, middle, wave, episode, time + 0.5 * dt, speed_rate)
     if sea.present != 0:
         turn(sea, 0.5 * dt)
         wave = motion(sea, now.position)
-    third = _inputs(delivered, pitch_command, end, wave, episode, time + dt)
+    third = _inputs(delivered, pitch_command, end, wave, episode, time + dt, speed_rate)
     blade = memory.blade_pitch
     ventilated = memory.ventilated != 0
     rate, outputs = evaluate(plant, now, first, blade, ventilated)
-    read_instruments(plant, memory, outputs, dt)
+    read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     following = runge_kutta(plant, now, rate, second, third, blade, ventilated, dt)
     set_state(state, following)
+    if plant.speed_held != 0:
+        state.shaft_speed = delivered
     end_step(plant, memory, following.ship_speed, dt)
     return outputs
 
@@ -137,9 +148,9 @@ def observe(
     wave = motion(sea, now.position)
     time = memory.cursor * dt
     episode = episode_factor(plant, time, dt)
-    inputs = _inputs(memory.rack, pitch_command, disturbance, wave, episode, time)
+    inputs = _inputs(memory.rack, pitch_command, disturbance, wave, episode, time, 0.0)
     _, outputs = evaluate(plant, now, inputs, memory.blade_pitch, memory.ventilated != 0)
-    read_instruments(plant, memory, outputs, dt)
+    read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     return outputs
 
 
@@ -159,6 +170,9 @@ def prepare(
         synchronise(sea, 0.0, now.position, now.ship_speed, 0.5 * dt)
     wave = motion(sea, now.position)
     episode = episode_factor(plant, 0.0, dt)
-    inputs = _inputs(drive, now.pitch_ratio, disturbance, wave, episode, 0.0)
+    stands = drive
+    if plant.speed_held != 0:
+        stands = now.shaft_speed
+    inputs = _inputs(stands, now.pitch_ratio, disturbance, wave, episode, 0.0, 0.0)
     _, outputs = evaluate(plant, now, inputs, now.pitch_ratio, False)
-    settle(plant, memory, now, outputs, drive, dt)
+    settle(plant, memory, now, outputs, stands, dt)

@@ -8,7 +8,12 @@ from .keys import Section, number
 class Water(Section):
     """The water that the ship sails in."""
 
-    density_kg_m3: float = number("density", "kg/m3", record="density", ge=990, le=1035)
+    needs = "has_propeller"
+
+    density_kg_m3: float = number(
+        "density", "kg/m3", record="density", required="with a propeller", ge=990, le=1035,
+        default=1000.0,
+    )  # fmt: skip
 
 
 class Integration(Section):

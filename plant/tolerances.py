@@ -2,30 +2,75 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
+from pydantic.fields import FieldInfo
 
 from .keys import Section
 
 
-def _known_to(tolerance: float, description: str) -> Any:
-    """How well a number of the ship is known: one standard deviation; 0 is exactly."""
+def _known_to(tolerance: float, description: str, *keys: str) -> Any:
+    """How well some numbers of a ship are known: one standard deviation; 0 is exactly."""
     description = f"standard deviation of {description}"
-    return Field(default=tolerance, ge=0, le=0.5, description=description)
+    return Field(
+        default=tolerance, ge=0, le=0.5, description=description, json_schema_extra={"of": [*keys]}
+    )
 
 
 class Tolerances(Section):
     """How far the nominal numbers may be off before a diagnosis calls it missing physics."""
 
-    resistance: float = _known_to(0.004, "the resistance, as a share of it")
-    mass: float = _known_to(0.005, "the ship's mass, as a share of it")
-    wake_fraction: float = _known_to(0.0015, "the wake fraction w, added to it")
-    thrust_curve: float = _known_to(0.002, "the propeller's KT, as a share of it")
-    torque_curve: float = _known_to(0.002, "the propeller's KQ, as a share of it")
-    inertia: float = _known_to(0.005, "each inertia of the shaft, as a share of it")
-    torque_per_rack: float = _known_to(0.0015, "the diesel's b, as a share of it")
-    torque_offset: float = _known_to(0.001, "the diesel's c, as a share of its highest torque")
-    motor_constant: float = _known_to(0.002, "the motor's K_e, as a share of it")
-    armature_resistance: float = _known_to(0.0025, "the motor's R_a, as a share of it")
-    pitch_time_constant: float = _known_to(0.01, "the pitch actuator's tau_p, as a share of it")
+    resistance: float = _known_to(
+        0.004, "the resistance, as a share of it", "hull.resistance_coefficient_N_s2_m2"
+    )
+    mass: float = _known_to(0.005, "the ship's mass, as a share of it", "hull.mass_kg")
+    wake_fraction: float = _known_to(
+        0.0015, "the wake fraction w, added to it", "hull.wake_fraction"
+    )
+    thrust_curve: float = _known_to(
+        0.002, "the propeller's KT, as a share of it", "propeller.thrust_coefficient"
+    )
+    torque_curve: float = _known_to(
+        0.002, "the propeller's KQ, as a share of it",
+        "propeller.relative_rotative_efficiency", "propeller.torque_coefficient",
+    )  # fmt: skip
+    inertia: float = _known_to(
+        0.005, "each inertia of the shaft, as a share of it",
+        "transmission.inertia_engine_side_kg_m2", "transmission.inertia_propeller_side_kg_m2",
+    )  # fmt: skip
+    torque_per_rack: float = _known_to(
+        0.0015, "the diesel's b, as a share of it", "prime_mover.torque_per_rack_N_m_mm"
+    )
+    torque_offset: float = _known_to(
+        0.001, "the diesel's c, as a share of its highest torque", "prime_mover.torque_offset_N_m"
+    )
+    motor_constant: float = _known_to(
+        0.002, "the motor's K_e, as a share of it", "prime_mover.motor_constant_V_s_rad"
+    )
+    armature_resistance: float = _known_to(
+        0.0025, "the motor's R_a, as a share of it", "prime_mover.armature_resistance_ohm"
+    )
+    pitch_time_constant: float = _known_to(
+        0.01, "the pitch actuator's tau_p, as a share of it", "pitch_actuator.time_constant_s"
+    )
+    numbers: dict[str, Annotated[float, Field(ge=0)]] = Field(
+        default={},
+        description="standard deviation of any number, by its dotted key and in its unit; "
+        "in place of what the others say of it",
+    )
+
+    def __hash__(self) -> int:
+        """Of its values: ships are remembered by what stands in them."""
+        return hash((*self.model_dump(exclude={"numbers"}).values(), *self.numbers.items()))
+
+
+def _spoken_of(info: FieldInfo) -> list[str]:
+    extra: Any = info.json_schema_extra
+    return list(extra["of"]) if extra else []
+
+
+TOLERATED = {
+    key: name for name, info in Tolerances.model_fields.items() for key in _spoken_of(info)
+}
+"""Name of the tolerance that speaks of a number, by its dotted key."""

@@ -23,6 +23,8 @@ from .keys import Section, effect, number
 class Ventilation(Section):
     """Ventilation of the propeller; absent while both losses are 0."""
 
+    needs = "has_propeller"
+
     thrust_loss: float = effect(
         0.0, "share of thrust lost", record="ventilation_thrust_loss", ge=0, le=0.95
     )
@@ -57,7 +59,8 @@ class Ventilation(Section):
 @compiled
 def can_ventilate(plant: Record) -> bool:
     """Whether the ship's record has ventilation switched on."""
-    return bool(plant.ventilation_thrust_loss > 0.0 or plant.ventilation_torque_loss > 0.0)
+    thrust, torque = plant.ventilation_thrust_loss, plant.ventilation_torque_loss
+    return bool(thrust.real > 0.0 or torque.real > 0.0)
 
 
 @compiled

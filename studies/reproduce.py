@@ -30,6 +30,7 @@ from .thesis import (
     working_points,
 )
 from .thesis.load_cases import CASES
+from .tito_neri import identification_page
 
 Tick = Callable[[], None]
 
@@ -41,7 +42,7 @@ class Reproduced:
     title: str
     shown: pd.DataFrame
     reasons: str
-    numbers: dict[str, dict[str, float]]
+    numbers: dict[str, Any]
 
 
 def _numbers(comparison: pd.DataFrame) -> dict[str, dict[str, float]]:
@@ -215,6 +216,24 @@ def reproduce_levers(folder: Path, tick: Tick) -> Reproduced:
     return Reproduced(levers.CHANGE, against_combinator(whole), levers.FINDINGS, numbers)
 
 
+def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
+    """Table 5 of the identification paper, its Bode figures, and its methods on known truth."""
+    found = identification_page.gathered(tick)
+    identification_page.write(folder, found)
+    table = found.table_five
+    numbers = {
+        str(name): dict(zip(part["parameter"], map(float, part["ours"]), strict=True))
+        for name, part in table.groupby("set", sort=False)
+    }
+    return Reproduced(
+        "Drive train of Tito Neri (Table 5)",
+        table.assign(ours=[f"{value:.4g}" for value in table["ours"]],
+                     printed=[f"{value:.3g}" for value in table["printed"]]),
+        "- see the page: rounding of Table 4, and poles read off a plot",
+        {"table-5": numbers},
+    )  # fmt: skip
+
+
 TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
     "working-points": (reproduce_working_points, 1),
     "poles": (reproduce_poles, 1),
@@ -226,5 +245,6 @@ TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
     "sensitivity": (reproduce_sensitivity, 7),
     "storms": (reproduce_storms, storm_results.TICKS),
     "levers": (reproduce_levers, levers.TICKS),
+    "tito-neri": (reproduce_tito_neri, identification_page.TICKS),
 }
 """Every table by name, and how many ticks it makes."""

@@ -20,6 +20,27 @@ def frigate() -> Ship:
 
 
 @pytest.fixture(scope="session")
+def servo() -> Ship:
+    """A drive with a load and no propeller: the least that a ship's file may say."""
+    return Ship.model_validate(
+        {
+            "name": "servo",
+            "hull": {"fixed": True},
+            "propeller": {"model": "none"},
+            "prime_mover": {"type": "torque-command", "torque_max_N_m": 200.0},
+            "transmission": {
+                "gear_ratio": 1.0,
+                "efficiency": 1.0,
+                "inertia_engine_side_kg_m2": 95.0,
+                "inertia_propeller_side_kg_m2": 0.0,
+                "viscous_friction_engine_side_N_m_s_rad": 190.0,
+            },
+            "integration": {"time_step_s": 0.001},
+        }
+    )
+
+
+@pytest.fixture(scope="session")
 def design_point(frigate: Ship) -> Equilibrium:
     """The thesis's base case: X = 22 mm, P/D = 1.4."""
     return equilibrium(frigate, 22.0, 1.4)

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from ...plant.columns import BOUNDS, TIME, drive_column
+from ...plant.columns import BOUNDS, SHAFT_ANGLE, TIME, drive_column
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .noise import Noise, clipped, frozen
@@ -22,6 +22,7 @@ _EVEN = 0.01  # share of the interval by which a step may differ and still be ev
 _LONGEST_GAP = 3  # missing samples that are filled in
 _FASTEST_S, _SLOWEST_S = 1e-4, 5.0
 _FEWEST_ROWS = 200
+_WRAPPED = 2.05 * math.pi  # rad; an angle that stays inside it and jumps has lost its turns
 _TIME_CONSTANTS = 3.0
 _DULL_DEMAND = 0.05  # share of its range over which a demand must move
 _DULL_SIGNAL = 3.0  # multiple of its noise over which a measurement must move
@@ -83,6 +84,24 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
     ), warnings
 
 
+def refuse_wrapped(path: Path, table: pd.DataFrame) -> None:
+    """Refuse an angle of the shaft that begins anew with every turn.
+
+    Raises:
+        RecordingError: names the first row at which it does.
+    """
+    if SHAFT_ANGLE not in table:
+        return
+    angle = table[SHAFT_ANGLE].to_numpy()
+    jumps = np.abs(np.diff(angle)) > math.pi
+    if jumps.any() and np.ptp(angle) <= _WRAPPED:
+        row = int(np.argmax(jumps)) + 2
+        raise RecordingError(
+            f"{path}: {SHAFT_ANGLE}, row {row}: {angle[row - 1]:.4g} rad after {angle[row - 2]:.4g} "
+            "rad; the angle begins anew with every turn; let it count on (numpy.unwrap)"
+        )
+
+
 def too_short(table: pd.DataFrame, interval: float, ship: Ship) -> list[str]:
     """Sentences on what a recording is too short for; empty if it is long enough."""
     said = []
@@ -108,7 +127,11 @@ def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[st
         drive_column(ship): float(plant["drive_max"] - plant["drive_min"]),
         "pitch_ratio_command": float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
     }
+    sails = table.get("ship_speed_m_s", pd.Series([0.0])).abs()
+    loaded = float(np.ptp(sails)) > _DULL_DEMAND * float(sails.max())
     for column in demands(ship, table):
+        if not ship.turns_freely and loaded:  # the ship's speed moves the propeller's load
+            continue
         low, high = np.percentile(table[column], (2.5, 97.5))
         if high - low < _DULL_DEMAND * spans[column]:
             said.append(

@@ -7,7 +7,12 @@ A map is a TOML file with one table, ``[columns]``; a key is a name in the recor
     "N shaft" = { column = "shaft_speed_rad_s", unit = "rpm", sign = -1 }
     "P/D" = "pitch_ratio"
 
-The canonical value is sign * (scale * value + offset), read in ``unit`` and converted.
+The canonical value is sign * (scale * value + offset), read in ``unit`` and converted. A linear axis has
+forces, positions and speeds where a shaft has torques, angles and speeds of rotation; ``radius_m`` says
+by which radius the one becomes the other::
+
+    "Force" = { column = "motor_torque_N_m", unit = "N", radius_m = 1.0 }
+    "Carriage" = { column = "shaft_angle_rad", unit = "mm", radius_m = 1.0 }
 """
 
 from __future__ import annotations
@@ -27,6 +32,8 @@ from ...plant.recording import RecordingError
 DATE_TIME = "datetime"
 """Unit of a time column that holds dates with times of day, such as ISO 8601."""
 _PITCH = ("pitch_ratio", "pitch_ratio_command")
+LINEAR = {"N m": "N", "rad": "m", "rad/s": "m/s"}
+"""Units of a shaft, and of a linear axis in their place."""
 _TURNING = ("revolution", "radian", "degree", "turn", "rpm", "rps")
 
 
@@ -40,6 +47,10 @@ class Source(BaseModel):
     sign: Literal[1, -1] = Field(default=1, description="-1 turns the channel's sign")
     scale: float = Field(default=1.0, allow_inf_nan=False, description="units per recorded value")
     offset: float = Field(default=0.0, allow_inf_nan=False, description="added, in units")
+    radius_m: float | None = Field(
+        default=None, gt=0.0, allow_inf_nan=False,
+        description="radius by which a force, position or speed of a linear axis is a shaft's",
+    )  # fmt: skip
 
     @field_validator("column")
     @classmethod
@@ -54,6 +65,14 @@ class Source(BaseModel):
         if value == 0.0:
             raise ValueError("0 would leave nothing of the channel (allowed: any other number)")
         return value
+
+    @model_validator(mode="after")
+    def _turned_by_a_radius(self) -> Source:
+        if self.radius_m is not None and BOUNDS[self.column][2] not in LINEAR:
+            raise ValueError(
+                f"radius_m is for torques, angles and speeds of the shaft, not for {self.column}"
+            )
+        return self
 
     @model_validator(mode="after")
     def _convertible(self) -> Source:
@@ -75,12 +94,16 @@ class Source(BaseModel):
             return values
         numbers = pd.to_numeric(values, errors="coerce").astype(float)
         numbers = self.sign * (self.scale * numbers + self.offset)
-        return numbers if self.unit is None else self._in_canonical_unit(numbers)
+        unit = BOUNDS[self.column][2]
+        if self.radius_m is None:
+            return numbers if self.unit is None else self._in_unit(unit, numbers)
+        linear = numbers if self.unit is None else self._in_unit(LINEAR[unit], numbers)
+        return linear * self.radius_m if unit == "N m" else linear / self.radius_m
 
-    def _in_canonical_unit(self, numbers: pd.Series) -> pd.Series:
+    def _in_unit(self, unit: str, numbers: pd.Series) -> pd.Series:
+        """Values in a unit, the canonical one or that of a linear axis."""
         assert self.unit is not None
         units = _units()
-        unit = BOUNDS[self.column][2]
         wanted = units.Unit({"-": "dimensionless"}.get(unit, unit.replace(" ", "*")))
         try:
             given = units.parse_units(self.unit)
@@ -91,11 +114,11 @@ class Source(BaseModel):
         if not given.is_compatible_with(wanted):
             raise ValueError(f"unit {self.unit!r} cannot be turned into {unit} of {self.column}")
         angle = any(word in str(given) for word in _TURNING)
-        if unit == "rad/s" and not angle:
-            raise ValueError(
-                f"unit {self.unit!r} does not say what turns: rpm and rps are revolutions, "
-                "rad/s and deg/s angles"
-            )
+        if unit in ("rad/s", "rad") and not angle:
+            angles = "rad and deg are angles, turn is a revolution"
+            if unit == "rad/s":
+                angles = "rpm and rps are revolutions, rad/s and deg/s angles"
+            raise ValueError(f"unit {self.unit!r} does not say what turns: {angles}")
         if self.column in _PITCH and angle:  # a blade angle at 0.7 R: P/D = 0.7 pi tan
             radians = units.Quantity(numbers.to_numpy(), given).m_as("radian")
             return 0.7 * math.pi * pd.Series(radians, numbers.index).map(math.tan)

@@ -11,13 +11,27 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import BOUNDS, COLUMNS, TIME, input_columns
+from ...plant.columns import (
+    BOUNDS,
+    COLUMNS,
+    SHAFT_ANGLE,
+    SHAFT_SPEED,
+    TIME,
+    input_columns,
+)
 from ...plant.recording import RecordingError, as_numbers, check_bounds, read_table
 from ...plant.ship import Ship
-from .checks import at_rest, dull, on_even_time, pitch_swapped, too_short
+from .checks import (
+    at_rest,
+    dull,
+    on_even_time,
+    pitch_swapped,
+    refuse_wrapped,
+    too_short,
+)
 from .columns import load_map
 from .noise import Noise, describe
-from .slips import SHAFT_SPEED, impossible_demands
+from .slips import impossible_demands
 from .yardstick import Yardstick
 
 
@@ -85,16 +99,18 @@ def load_recording(path: str | Path, ship: Ship, columns: str | Path | None = No
     Raises:
         RecordingError: naming file, column, row (from 1 below the header), unit and what is
             allowed. Unreadable; a column missing; values not finite or out of bounds; time that
-            does not rise, or with a gap of more than three samples; a channel that is dead, in
-            another unit, of the other sign or under another's name.
+            does not rise, or with a gap of more than three samples; an angle that begins anew with every
+            turn; a channel that is dead, in another unit, of the other sign or under another's name.
     """
     path = Path(path)
     raw = read_table(path)
     if columns is not None:
         raw = load_map(columns).apply(path, raw)
-    required = list(dict.fromkeys([*input_columns(ship), SHAFT_SPEED]))
+    turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
+    required = list(dict.fromkeys([*input_columns(ship), turning]))
     numbers = as_numbers(path, raw, required)[[c for c in COLUMNS if c in raw]]
     table, warnings = on_even_time(path, numbers)
+    refuse_wrapped(path, table)
     interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
     _refuse_slips(path, table, interval, ship)
     check_bounds(path, numbers)

@@ -10,14 +10,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import BOUNDS, drive_column
+from ...plant.columns import BOUNDS, SHAFT_SPEED, drive_column
 from ...plant.ship import Ship
 
 Array = NDArray[np.float64]
 
 _BEYOND = 1.25  # share of a demand's end stop that no ship's demand exceeds
 _RPM = math.pi / 30.0
-SHAFT_SPEED = "shaft_speed_rad_s"
 
 
 class Slip(NamedTuple):
@@ -43,6 +42,7 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
     gear = ship.transmission.gear_ratio
     by_unit = {
         "rad/s": [_unit("rpm", _RPM), _unit("rps", 2.0 * math.pi)],
+        "rad": [_unit("deg", math.pi / 180.0), _unit("turn", 2.0 * math.pi)],
         "N m": [_unit("kN m", 1e3)],
         "m/s": [_unit("knot", 1852.0 / 3600.0), _unit("km/h", 1.0 / 3.6)],
         "N": [_unit("kN", 1e3), _unit("tf", 9806.65)],
@@ -97,7 +97,7 @@ def range_of(column: str, ship: Ship) -> str:
     plant = ship.record()
     if column == "pitch_ratio_command":
         low, high = plant["pitch_ratio_min"], plant["pitch_ratio_max"]
-    elif column == SHAFT_SPEED:
+    elif column == SHAFT_SPEED and ship.turns_freely:
         top = top_speed(ship) / 3.0
         slow = plant["engine_speed_min"] / plant["gear_ratio"]
         low, high = (slow if ship.has_diesel else -top), top

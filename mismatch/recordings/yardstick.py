@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...plant.columns import BOUNDS, TIME, drive_column
+from ...plant.columns import BOUNDS, SHAFT_ANGLE, SHAFT_SPEED, TIME, drive_column
 from ...plant.recording import RecordingError
 from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
 from .slips import (
-    SHAFT_SPEED,
     Slip,
     demands,
     impossible_demands,
@@ -48,6 +47,7 @@ class Yardstick:
         per_row = max(1, math.ceil(interval_s / ship.time_step_s - 1e-9))
         self.ship = ship
         self._drive = drive_column(ship)
+        self._shaft = SHAFT_SPEED if SHAFT_SPEED in table else SHAFT_ANGLE
         # a start beyond these is no state of this ship: it then starts from a steady one
         self._reach = {"pitch_ratio": 2.6, "ship_speed_m_s": 40.0, SHAFT_SPEED: top_speed(ship)}
         self.table = table.iloc[: max(2, _STEPS // per_row)]
@@ -62,12 +62,15 @@ class Yardstick:
         """
         start = table.iloc[0]
         sane = all(abs(start[c]) <= limit for c, limit in self._reach.items() if c in table)
-        if (start[SHAFT_SPEED] < 0.0) != (start[self._drive] < 0.0):
+        if SHAFT_SPEED in table and (start[SHAFT_SPEED] < 0.0) != (start[self._drive] < 0.0):
             table = table.assign(**{SHAFT_SPEED: -table[SHAFT_SPEED]})
-        steady = table.drop(columns=[c for c in self._reach if c in table])
+        known = [c for c in self._reach if c in table and c != self._drive]
+        steady = table.drop(columns=known)
         if start[self._drive] < 0.0:  # steady states are found ahead only
             pitch = table.get("pitch_ratio_command", self.ship.propeller.pitch_ratio_max)
-            steady = steady.assign(pitch_ratio=pitch, ship_speed_m_s=0.0, **{SHAFT_SPEED: 0.0})
+            steady = steady.assign(pitch_ratio=pitch, ship_speed_m_s=0.0)
+            if self._drive != SHAFT_SPEED:
+                steady[SHAFT_SPEED] = 0.0
         for candidate in (table, steady) if sane else (steady,):
             with np.errstate(all="ignore"), suppress(RecordingError):
                 sailed = simulate_recording(self.ship, candidate)
@@ -79,14 +82,19 @@ class Yardstick:
         """Relative rms difference of each measured channel; empty where the ship cannot sail."""
         if sailed is None:
             return {}
-        measured = [
+        columns = [
             c for c in sailed if c in table and c != TIME and c not in demands(self.ship, table)
         ]
         found = {}
-        for c in measured:
-            size = float(np.sqrt(np.mean(sailed[c] ** 2)))
+        for c in columns:
+            measured, expected = table[c].to_numpy(), sailed[c].to_numpy()
+            if (
+                c == SHAFT_ANGLE
+            ):  # it drifts with the least error of the speed: its steps are compared
+                measured, expected = np.diff(measured), np.diff(expected)
+            size = float(np.sqrt(np.mean(expected**2)))
             if size > 0.0:
-                found[c] = float(np.sqrt(np.mean((table[c] - sailed[c]) ** 2))) / size
+                found[c] = float(np.sqrt(np.mean((measured - expected) ** 2))) / size
         return found
 
     def with_columns(self, columns: Mapping[str, Any]) -> dict[str, float]:
@@ -109,7 +117,7 @@ class Yardstick:
             if any(impossible_demands(self.table.assign(**exchanged), self.ship)):
                 continue
             there = self.with_columns(exchanged)
-            if all(there.get(c, 0.0) <= _NAMED for c in (a, b, SHAFT_SPEED)):
+            if all(there.get(c, 0.0) <= _NAMED for c in (a, b, self._shaft)):
                 score = self._score(there)
                 if score < best:
                     best, pair = score, (a, b)
@@ -129,8 +137,8 @@ class Yardstick:
 
     def slips(self) -> Iterator[str]:
         """Sentences on channels in another unit or with the other sign."""
-        if self.off.get(SHAFT_SPEED, math.inf) > _HONEST:
-            found = self._explaining(self._drive, SHAFT_SPEED, self._other_magnitudes())
+        if self.off.get(self._shaft, math.inf) > _HONEST:
+            found = self._explaining(self._drive, self._shaft, self._other_magnitudes())
             if found:
                 yield self._sentence(self._drive, found)
                 return

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from scipy.signal import welch
 
+from ...plant.ship import Ship
 from ..outcome import Outcome
+from ..search.placed import Window
 from .panels import (
     AFTER,
     AFTER_LINE,
@@ -35,18 +37,37 @@ _SEA_Hz = (0.04, 0.4)
 _HUMP = 3.0
 
 QUANTITY = {
-    "engine": "torque", "motor": "torque", "propeller": "torque", "hull": "force",
-    "thrust": "force", "pitch-actuator": "pitch ratio",
+    "engine": "torque", "motor": "torque", "propeller": "torque", "load": "torque",
+    "hull": "force", "thrust": "force", "pitch-actuator": "pitch ratio",
 }  # fmt: skip
 """What a balance lacks."""
 
 
-def changed(diagnosis: Outcome) -> bool:
+class Replayed(Protocol):
+    """A recording beside two simulations of it: what a diagnosis and an identification both are."""
+
+    @property
+    def ship(self) -> Ship: ...  # noqa: D102
+    @property
+    def corrected(self) -> Ship: ...  # noqa: D102
+    @property
+    def time_s(self) -> Array: ...  # noqa: D102
+    @property
+    def held_out(self) -> list[Window]: ...  # noqa: D102
+    @property
+    def measured(self) -> dict[str, Array]: ...  # noqa: D102
+    @property
+    def before(self) -> dict[str, Array]: ...  # noqa: D102
+    @property
+    def after(self) -> dict[str, Array]: ...  # noqa: D102
+
+
+def changed(diagnosis: Replayed) -> bool:
     """Whether the corrected ship differs from the nominal one."""
     return diagnosis.corrected != diagnosis.ship
 
 
-def before_line(diagnosis: Outcome) -> dict[str, Any]:
+def before_line(diagnosis: Replayed) -> dict[str, Any]:
     """Style of the nominal ship's lines: dashed only where another's lie under them."""
     return BEFORE_LINE if changed(diagnosis) else {**BEFORE_LINE, "linestyle": "-"}
 
@@ -57,7 +78,7 @@ def interval(diagnosis: Outcome) -> float:
     return float(time[-1] - time[0]) / (len(time) - 1)
 
 
-def traces(diagnosis: Outcome) -> list[str]:
+def traces(diagnosis: Replayed) -> list[str]:
     """Each channel measured and simulated: the whole recording, then the part set aside."""
     time = diagnosis.time_s
     drawn: list[str] = []

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from ...plant.ship import Ship
 from ..judge.verdict import EXPLAINED, NOTHING
 from ..outcome import Outcome
-from ..search.catalogue import catalogue
+from ..search.catalogue import catalogue, mistaken_for
 from ..search.placed import Placed
 from . import figures, regimes
 from .changes import changed_keys
@@ -54,7 +54,7 @@ def report_html(diagnosis: Outcome) -> str:
         "ranking": figures.ranking(diagnosis),
         "shape": regimes.shape_panel(diagnosis),
     }
-    return _template().render(
+    return template("report.html.j2").render(
         d=diagnosis,
         status=status,
         verdict=_WORDS[status],
@@ -72,16 +72,25 @@ def report_html(diagnosis: Outcome) -> str:
         remarks=remarks(diagnosis),
         keys=changed_keys(diagnosis),
         version=version("shaftline"),
+        style=style(),
     )
 
 
 @functools.cache
-def _template() -> Template:
-    file = importlib.resources.files("shaftline.mismatch.report").joinpath("report.html.j2")
-    text = file.read_text("utf-8")
+def template(name: str) -> Template:
+    """A page's template, from this folder."""
     return Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    ).from_string(text)
+    ).from_string(_text(name))
+
+
+def style() -> Markup:
+    """The style sheet that stands in every page."""
+    return Markup(_text("style.css"))
+
+
+def _text(name: str) -> str:
+    return importlib.resources.files("shaftline.mismatch.report").joinpath(name).read_text("utf-8")
 
 
 def _status(diagnosis: Outcome) -> str:
@@ -112,6 +121,7 @@ def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
     return {
         "name": effect_words(effect),
         "effect": effect,
+        "mistaken_for": mistaken_for(effect, ship),
         "place": place + 1,
         "equation": Markup(equation(effect.latex, effect.equation, f"e{place}")),
         "parameters": rows,

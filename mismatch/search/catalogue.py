@@ -83,7 +83,8 @@ class Effect:
         term: that the effect is, with its numbers at values that change nothing; None where the
             parameters are keys of the ship's file.
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
-            ``has_variable_pitch``; beside having the balance and the parameters' keys.
+            ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``; beside having the balance
+            and the keys.
     """
 
     id: str
@@ -184,6 +185,12 @@ def _entry(item: dict[str, Any]) -> Effect:
     item["ties"] = tuple((key, of, float(factor)) for key, of, factor in item.get("ties", ()))
     item["fixed"] = tuple(item.get("fixed", {}).items())
     return Effect(parameters=parameters, **item)
+
+
+def mistaken_for(effect: Effect, ship: Ship) -> tuple[str, ...]:
+    """Ids that a recording of a ship may not be able to tell from an effect; only what it can have."""
+    own = {entry.id for entry in catalogue() if entry.acts_on(ship)}
+    return tuple(name for name in effect.confused_with if name in own)
 
 
 def applicable(ship: Ship, columns: Iterable[str], exclude: Iterable[str] = ()) -> list[Effect]:

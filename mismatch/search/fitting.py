@@ -9,6 +9,7 @@ physics.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,9 +58,12 @@ class Fitter:
         balances: of ship and recording.
         bands: frequencies of the part that may be fitted.
         scale: factor on all tolerances of the nominal numbers.
+        free: dotted keys of numbers that are fitted, whatever their tolerances.
     """
 
-    def __init__(self, balances: Balances, bands: Bands, scale: float = 1.0) -> None:
+    def __init__(
+        self, balances: Balances, bands: Bands, scale: float = 1.0, free: Collection[str] = ()
+    ) -> None:
         self.balances = balances
         self.bands = bands
         self.trial_ship = TrialShip(balances)
@@ -69,7 +73,7 @@ class Fitter:
         self._cache: dict[bytes, Complex] = {}
         nominal = self.predicted(self.trial_ship.nominal)
         columns = []
-        for record, shift in tolerance_records(replay, scale):
+        for record, shift in tolerance_records(replay, scale, free):
             columns.append(self._predict(record, shift) - nominal)
         self.nuisance = np.array(columns)
         self.likelihood = Likelihood(bands, self.nuisance)
@@ -96,7 +100,16 @@ class Fitter:
 
     def fitted(self, effects: tuple[Placed, ...]) -> Fit:
         """Score of effects at their values, the nominal numbers adjusted inside their tolerances."""
-        difference = self.measured - self.predicted(self.trial_ship.record(effects))
+        return self.scored(self.trial_ship.record(effects), effects)
+
+    def scored(self, record: Any, effects: tuple[Placed, ...] = ()) -> Fit:
+        """Score of a ship's record, the nominal numbers adjusted inside their tolerances.
+
+        Args:
+            record: of a ship, with or without effects.
+            effects: that stand in it.
+        """
+        difference = self.measured - self.predicted(record)
         if not np.isfinite(difference).all():
             empty = np.zeros(len(self.nuisance))
             return Fit(effects, -math.inf, difference, empty, self.null.weight)

@@ -9,7 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from ...plant.keys import Number
+from ...plant.memory import HISTORY
 from ...plant.propeller import cavitation_number
+from ...plant.propeller_curves import NO_PROPELLER
+from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 from ..simulate.balances import Balances
 from .catalogue import Effect, Parameter
@@ -31,6 +35,7 @@ class TrialShip:
         self.ship: Ship = balances.replay.ship
         self.nominal = self.ship.record()
         self._scales = scales(balances)
+        self._longest_s = (HISTORY - 2) * min(run.dt for run in balances.replay.runs)
 
     def settings(self, placed: Placed) -> dict[str, float]:
         """Dotted keys of the ship's file and their values."""
@@ -45,16 +50,20 @@ class TrialShip:
             found[f"{section}.episode_start_s"] = start
             found[f"{section}.episode_end_s"] = end
         host = placed.effect.on(self.ship)
-        ranges = {key: host.number(key).info for key in found}
         return {
-            key: float(np.clip(value, ranges[key].low, ranges[key].high))
+            key: float(np.clip(value, *self._range(host.number(key))))
             for key, value in found.items()
         }
 
     def range_of(self, parameter: Parameter) -> tuple[float, float]:
         """Lowest and highest value of a parameter."""
-        info = parameter.number(self.ship).info
-        return info.low, info.high
+        return self._range(parameter.number(self.ship))
+
+    def _range(self, number: Number) -> tuple[float, float]:
+        """A delay is no longer than the plant looks back at the recording's time step."""
+        low, high = number.info.low, number.info.high
+        late = number.key in self.ship.sensors.delays | self.ship.prime_mover.delays
+        return low, min(high, self._longest_s) if late else high
 
     def host(self, effects: tuple[Placed, ...]) -> Ship:
         """The ship with the terms of some effects on it, at values that change nothing."""
@@ -120,8 +129,10 @@ class TrialShip:
 def scales(balances: Balances) -> Mapping[str, float]:
     """What the catalogue's probes are counted in, by name: rms, mean or top of a nominal simulation.
 
-    Torque [N m] and force [N] are those of the propeller and the resistance, ``drive`` is in the unit
-    of the prime mover's demand, ``sigma_top`` is the cavitation number at the highest shaft speed.
+    Torque [N m] is that of the propeller, or of the drive where there is none, force [N] the resistance,
+    ``drive`` is in the unit of the prime mover's demand, ``sigma_top`` is the cavitation number at the
+    highest shaft speed, and ``shaft_time`` [s] is how long that torque takes to bring the shaft to its
+    speed.
     """
     samples, plant = balances.nominal_samples, balances.plant
     omega = np.abs(samples["shaft_speed"])
@@ -131,6 +142,8 @@ def scales(balances: Balances) -> Mapping[str, float]:
         return float(max(np.sqrt(np.mean(np.square(values))), 1e-9))
 
     torque, shaft = typical(samples["propeller_torque"]), typical(omega)
+    if plant["propeller_model"] == NO_PROPELLER:
+        torque = typical(gear * samples["brake_torque"])
     drive = balances.replay.drive_rows
     number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
     return {
@@ -147,7 +160,9 @@ def scales(balances: Balances) -> Mapping[str, float]:
         "drive": typical(drive),
         "drive_top": float(np.abs(drive).max()),
         "current_top": float(np.abs(samples["motor_current"]).max()),
-        "inertia": float(plant["inertia_propeller_side"])
-        + 0.1 * float(plant["inertia_engine_side"]),
+        "inertia": max(
+            float(plant["inertia_propeller_side"]) + 0.1 * float(plant["inertia_engine_side"]), 1e-9
+        ),
+        "shaft_time": shaft_inertia(plant) * shaft / torque,
         "sigma_top": float(number),
     }

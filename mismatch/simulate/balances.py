@@ -6,13 +6,16 @@ smear over the others, as it does in the channels of an open-loop simulation.
 
     engine      I_L dw/dt + M_m - M_drive(X, w)            [N m]
     propeller   I_R dw/dt + M_p(w, P/D, v_a) + M_f - M_m   [N m]
+    load        the same on a shaft without a propeller    [N m]
     hull        m dv/dt - k_p (1 - t) T + R(v)             [N]
     pitch       P/D - its answer to the command            [-]
     thrust      T - T(w, P/D, v_a), where it is measured   [N]
     current     i - (U - K w) / R, where it is measured    [A]
 
-The residual is a coordinate, not the model: it is formed alike from measured and from simulated signals,
-and what is compared is their difference. Without a torque gauge, engine and propeller are one balance.
+Where a recording has the shaft's angle and not its speed, the speed is the angle's derivative at the
+recording's interval. The residual is a coordinate, not the model: it is formed alike from measured and
+from simulated signals, and what is compared is their difference. Without a torque gauge, engine and
+propeller are one balance. A drive that holds its speed has no balance.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.compiled import Record, compiled
+from ...plant.columns import SHAFT_ANGLE, SHAFT_SPEED
 from ...plant.dynamics import loads
 from ...plant.shaft import inertia_behind_gauge
 from ...plant.state import Inputs, motion_state, without_lags
@@ -49,7 +53,7 @@ def _loads_at(
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
         state = motion_state(pitch_ratio[k], shaft_speed[k], ship_speed[k])
-        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0)
+        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0)
         acting = loads(plant, state, acts, pitch_ratio[k])
         drive_torque[k] = acting.drive_torque
         load_torque[k] = acting.load_torque
@@ -59,7 +63,7 @@ def _loads_at(
         current[k] = acting.motor_current
 
 
-PART_OF = {"thrust": "propeller", "current": "motor"}
+PART_OF = {"thrust": "propeller", "current": "motor", "load": "motor"}
 """The plant's balance to which a residual belongs that has a name of its own."""
 
 
@@ -93,10 +97,12 @@ class Balances:
         # a pitch that never moves is known no better than its unknown resolution
         if replay.controllable and np.ptp(replay.recorded.get("pitch_ratio", 0.0)) > 0.0:
             rows.append(("pitch-actuator", "-"))
-        if "shaft_speed_rad_s" in replay.channels:
-            rows.append((self.prime_mover, "N m"))
+        held = not replay.ship.turns_freely
+        if held or SHAFT_SPEED in replay.channels or SHAFT_ANGLE in replay.channels:
+            if not held:
+                rows.append((self.prime_mover, "N m"))
             if self.gauged:
-                rows.append(("propeller", "N m"))
+                rows.append(("propeller" if replay.ship.has_propeller else "load", "N m"))
         if self.moving:
             rows.append(("hull", "N"))
         if "thrust_N" in replay.channels:
@@ -127,7 +133,7 @@ class Balances:
         replay, plant, dt = self.replay, self.plant, self.replay.interval_s
         pitch = channels.get("pitch_ratio", self._pitch) - float(plant["pitch_sensor_offset"])
         speed = channels.get("ship_speed_m_s", self._speed)
-        omega = channels.get("shaft_speed_rad_s", self.nominal_samples["shaft_speed"])
+        omega = self._shaft_speed(channels)
         n = replay.rows
         drive, load, thrust, push, drag, current = (np.zeros(n) for _ in range(6))
         _loads_at(
@@ -147,7 +153,7 @@ class Balances:
                     found.append(left * acceleration + channels["shaft_torque_N_m"] - drive)
                 else:
                     found.append((left + right) * acceleration + load - drive)
-            elif name == "propeller":
+            elif name in ("propeller", "load"):
                 found.append(right * acceleration + load - channels["shaft_torque_N_m"])
             elif name == "hull":
                 found.append(float(plant["mass"]) * rate(speed, dt) - push + drag)
@@ -156,6 +162,12 @@ class Balances:
             else:
                 found.append(channels["motor_current_A"] - current)
         return np.array(found)
+
+    def _shaft_speed(self, channels: Channels) -> NDArray[np.float64]:
+        if SHAFT_SPEED not in channels and SHAFT_ANGLE in channels:
+            return rate(channels[SHAFT_ANGLE], self.replay.interval_s)
+        nominal: NDArray[np.float64] = self.nominal_samples["shaft_speed"]
+        return channels.get(SHAFT_SPEED, nominal)
 
     def lacking(self, simulated: Channels) -> NDArray[np.float64]:
         """What a simulation lacks of the recording in each balance; shape (balances, rows)."""

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import MEASURED
+from ...plant.columns import MEASURED, SHAFT_ANGLE
 from ...plant.replay import Replay
 from ...plant.ship import Ship
 from ..recordings.noise import describe
@@ -28,7 +28,8 @@ DULL_SHARE = 0.05
 
 RESOLUTION = 1e-5
 """Share of its largest value that a channel is read to at best: one that was simulated, not measured,
-would be infinitely sure of itself."""
+would be infinitely sure of itself. Of an angle, which has no largest value, the largest step counts.
+"""
 
 
 def _moves(demand: NDArray[np.float64]) -> bool:
@@ -73,7 +74,11 @@ class JointReplay:
             return np.concatenate([getattr(run, name) for run in self.runs])
 
         self.drive_rows, self.command = joined("drive_rows"), joined("command")
-        self.excited = any(_moves(signal) for signal in (self.drive_rows, self.command))
+        loading = [self.drive_rows, self.command]
+        if not ship.turns_freely and "ship_speed_m_s" in self.channels:
+            # at a speed that is held, it is the ship's that changes the propeller's load
+            loading.append(self.recorded["ship_speed_m_s"])
+        self.excited = any(_moves(signal) for signal in loading)
         self.elevation_rows = joined("elevation_rows")
         self.inflow_rows = np.concatenate([run.inflow_rows(ship.record()) for run in self.runs])
 
@@ -108,7 +113,8 @@ class JointReplay:
         rng = np.random.default_rng(0)
         found = dict(self.recorded)
         for column, values in self.recorded.items():
-            least = RESOLUTION * float(np.abs(values).max())
+            sized = np.diff(values) if column == SHAFT_ANGLE else values
+            least = RESOLUTION * float(np.abs(sized).max())
             if describe(values[slice(*self.segments[0])], self.interval_s).white_rms < least:
                 found[column] = values + least * rng.standard_normal(len(values))
         return found

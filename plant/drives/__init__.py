@@ -10,11 +10,12 @@ from typing import NamedTuple
 from ...core.compiled import Real, Record, compiled
 from .dc_motor import DcMotor, drive_motor
 from .diesel import Diesel, drive_diesel
-from .torque_source import TorqueSource
+from .speed_source import SpeedSource, holding_torque
+from .torque_source import TorqueSource, source_torque
 
-Drive = Diesel | DcMotor | TorqueSource
+Drive = Diesel | DcMotor | TorqueSource | SpeedSource
 
-DRIVES: tuple[type[Drive], ...] = (Diesel, DcMotor, TorqueSource)
+DRIVES: tuple[type[Drive], ...] = (Diesel, DcMotor, TorqueSource, SpeedSource)
 """Every kind; ``plant.prime_mover`` holds the ``code`` of one."""
 
 DIESEL, DC_MOTOR = Diesel.code, DcMotor.code
@@ -38,7 +39,8 @@ def driven(
     Args:
         plant: ship record.
         engine_speed: omega_e [rad/s].
-        demand: fuel rack [mm], voltage [V] or torque [N m].
+        demand: fuel rack [mm], voltage [V] or torque [N m]. Of a speed that is held the torque is only
+            known by its load (:func:`holding_torque`); it is 0 here.
         brake_torque: state of a torque that lags [N m].
         motor_current: state of an armature with inductance [A].
     """
@@ -49,9 +51,21 @@ def driven(
         torque, torque_rate = drive_diesel(plant, engine_speed, demand, brake_torque)
     elif plant.prime_mover == DC_MOTOR:
         torque, current, current_rate = drive_motor(plant, engine_speed, demand, motor_current)
+    elif plant.speed_held != 0:
+        torque = 0.0
     else:
-        torque = demand
+        torque = source_torque(plant, demand)
     return Driven(torque, torque_rate, current, current_rate)
 
 
-__all__ = ["DRIVES", "DcMotor", "Diesel", "Drive", "Driven", "TorqueSource", "driven"]
+__all__ = [
+    "DRIVES",
+    "DcMotor",
+    "Diesel",
+    "Drive",
+    "Driven",
+    "SpeedSource",
+    "TorqueSource",
+    "driven",
+    "holding_torque",
+]

@@ -9,7 +9,7 @@ from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
 from ..keys import INF, effect, number
 from ..signals import Signal
-from .prime_mover import PrimeMover, fill_two_way
+from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
 
 
 class DcMotor(PrimeMover):
@@ -46,6 +46,7 @@ class DcMotor(PrimeMover):
         1.0, "torque constant at negative current / at positive", record="reverse_torque_fraction",
         gt=0, le=2,
     )  # fmt: skip
+    torque_offset_N_m: float = torque_offset()
     supply_limit_V: float = effect(
         INF, "highest voltage that reaches the armature, either way", "V", record="supply_limit",
         gt=0,
@@ -77,10 +78,10 @@ def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
     to hold the current at ``supply_current_limit``.
     """
     voltage = demand
-    if plant.command_dead_zone > 0.0:
+    if plant.command_dead_zone != 0.0:
         voltage = demand - clip(demand, -plant.command_dead_zone, plant.command_dead_zone)
     voltage = clip(voltage, -plant.supply_limit, plant.supply_limit)
-    if plant.supply_current_limit < math.inf:
+    if plant.supply_current_limit.real < math.inf:
         back, span = (
             plant.motor_constant * motor_speed,
             plant.armature_resistance * plant.supply_current_limit,
@@ -130,8 +131,8 @@ def drive_motor(
     """
     voltage = applied_voltage(plant, demand, motor_speed)
     rate = 0.0
-    if plant.armature_inductance > 0.0:
+    if plant.armature_inductance.real > 0.0:
         rate = motor_current_rate(plant, voltage, motor_speed, current)
     else:
         current = steady_motor_current(plant, voltage, motor_speed)
-    return motor_torque(plant, current), current, rate
+    return with_offset(plant, motor_torque(plant, current)), current, rate

@@ -180,7 +180,7 @@ def drive_diesel(
     """
     torque = diesel_torque(plant, engine_speed, fuel_rack)
     rate = 0.0
-    if plant.engine_lag > 0.0:
+    if plant.engine_lag.real > 0.0:
         rate = (torque - lagged) / plant.engine_lag
         torque = lagged
     return torque, rate

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from ..keys import INF, Section
+from ...core.compiled import Real, Record, compiled
+from ..keys import INF, Section, effect
 from ..signals import Signal
 
 
@@ -15,7 +16,9 @@ class PrimeMover(Section):
     code: ClassVar[int]
     """Its number in ``plant.prime_mover``."""
     balance: ClassVar[str]
-    """Balance in which its own effects act: ``engine`` or ``motor``."""
+    """Balance in which its own effects act: ``engine`` or ``motor``; none where its speed is held."""
+    holds_speed: ClassVar[bool] = False
+    """Whether the shaft's speed is its demand; the shaft's balance is then not simulated."""
     demand: ClassVar[Signal]
     """What commands it."""
 
@@ -28,6 +31,22 @@ class PrimeMover(Section):
     def time_constant(self) -> tuple[str, float]:
         """Name and size [s] of its shortest time constant, which a time step must not exceed."""
         return "", math.inf
+
+
+def torque_offset() -> Any:
+    """The key of a motor's constant torque, which :func:`with_offset` adds."""
+    return effect(
+        0.0, "torque that the motor has beside what is demanded of it; positive drives ahead", "N m",
+        record="torque_offset", ge=-1e8, le=1e8,
+    )  # fmt: skip
+
+
+@compiled
+def with_offset(plant: Record, torque: Real) -> Real:
+    """Torque [N m] of a motor with its constant offset, as of an amplifier whose zero is off."""
+    if plant.torque_offset != 0.0:
+        torque = torque + plant.torque_offset
+    return torque
 
 
 def fill_two_way(record: Any) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
+from ...core.compiled import Real, Record, compiled
 from ..keys import number
 from ..signals import Signal
-from .prime_mover import PrimeMover, fill_two_way
+from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
 
 
 class TorqueSource(PrimeMover):
@@ -22,8 +23,15 @@ class TorqueSource(PrimeMover):
     )  # fmt: skip
 
     torque_max_N_m: float = number("torque limit", "N m", record="drive_max", gt=0, le=1e8)
+    torque_offset_N_m: float = torque_offset()
 
     def fill(self, record: Any) -> None:
         """Its numbers; demands go either way, and have no rack."""
         super().fill(record)
         fill_two_way(record)
+
+
+@compiled
+def source_torque(plant: Record, demand: Real) -> Real:
+    """Torque [N m] that is delivered for a demand [N m] inside the limits."""
+    return with_offset(plant, demand)

@@ -93,12 +93,12 @@ def _interval(
     truth.ventilation = state.ventilation
     truth.propeller_torque = outputs.propeller_torque
     truth.rack = rack
-    _read(state, memory, outputs.advance_velocity, reading)
+    _read(memory, outputs.advance_velocity, reading)
 
 
 @compiled
-def _read(state: Record, memory: Record, advance_velocity: float, reading: Record) -> None:
-    reading.shaft_speed = state.shaft_speed
+def _read(memory: Record, advance_velocity: float, reading: Record) -> None:
+    reading.shaft_speed = memory.shaft_speed
     reading.measured_shaft_torque = memory.shaft_torque
     reading.measured_pitch_ratio = memory.pitch_ratio
     reading.fuel_rack = memory.rack
@@ -148,7 +148,7 @@ def sail(
         rack = float(start.inputs.drive)
         begin = Disturbance(0.0, 0.0, resistance_factor)
         prepare(plant, states[i], memories[i], seas[i], rack, begin, dt)
-        _read(states[i], memories[i], 0.0, readings[i])
+        _read(memories[i], 0.0, readings[i])
     readings["speed_order"] = order_m_s
     intervals = round(duration_s / (INTERVAL_STEPS * dt))
     truths = np.zeros((intervals, n), STORM)

@@ -54,7 +54,7 @@ class LoadCase:
         """
         screw = ship.propeller
         suits = screw.pitch_ratio_min <= 1.0 and screw.pitch_ratio_max >= PITCH
-        if not (ship.has_diesel and ship.moves and suits):
+        if not (ship.has_diesel and ship.moves and ship.has_propeller and suits):
             raise ValueError(
                 f"load case {self.name!r} needs a diesel ship with a pitch ratio of 1.0 to {PITCH:g}; "
                 f"{ship.name} is none. Drive it with a recording instead (--inputs)"

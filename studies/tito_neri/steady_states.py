@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ...plant import Schedule, Ship, equilibrium, linearise, load_ship, simulate
 from ...plant.state import State
@@ -23,6 +24,16 @@ def _settled(ship: Ship, voltage: float) -> tuple[float, float]:
     rest = State(ship.propeller.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     last = simulate(ship, Schedule(voltage, ship.propeller.pitch_ratio_max), 2.0, initial=rest)[-1]
     return float(last["shaft_speed"]) * ship.transmission.gear_ratio, float(last["motor_current"])
+
+
+def speed_errors_percent(ship: Ship) -> NDArray[np.float64]:
+    """Steady speed at the five voltages less the measured one [%], shape (5,)."""
+    found = []
+    for point in published("tito_neri_operating_points").itertuples():
+        steady = equilibrium(ship, float(point.motor_voltage_V), ship.propeller.pitch_ratio_max)
+        speed = steady.state.shaft_speed * ship.transmission.gear_ratio
+        found.append(100.0 * (speed / float(point.motor_speed_rad_s) - 1.0))
+    return np.array(found)
 
 
 def operating_points() -> pd.DataFrame:

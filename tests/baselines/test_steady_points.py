@@ -76,6 +76,9 @@ def test_a_current_carries_the_ship_and_lags_do_not_matter(frigate: Ship) -> Non
 def test_ships_that_cannot_be_ordered_are_refused(frigate: Ship) -> None:
     with pytest.raises(ShipError, match="a governor needs a diesel, not 'dc-motor'"):
         require_diesel(load_ship("tito-neri-sine"))
+    towed = load_ship("frigate").model_dump(exclude_unset=True) | {"propeller": {"model": "none"}}
+    with pytest.raises(ShipError, match="frigate: no propeller drives it"):
+        require_diesel(Ship.model_validate(towed))
     with pytest.raises(ShipError, match="the hull is fixed"):
         steady_point(frigate.with_values({"hull.fixed": True}), 10.0, 1.2)
     astern = frigate.with_values({"propeller.pitch_ratio_min": -1.0})

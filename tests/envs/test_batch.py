@@ -14,7 +14,7 @@ from shaftline.baselines.actions import encode
 from shaftline.baselines.governor import tune
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, Settings, get_task
 from shaftline.envs.batch import Batch, _governor_gains, _steady_table
-from shaftline.plant import equilibrium, get_sea, load_ship, realise
+from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
 from shaftline.plant.waves import SEA
 
 from .by_hand import STILL
@@ -135,6 +135,9 @@ def test_a_ship_without_diesel_or_that_does_not_move_is_refused(ship: str) -> No
     moored = load_ship("frigate").with_values({"hull.fixed": True})
     with pytest.raises(ValueError, match="needs a diesel ship that moves"):
         FrigateEnv(ship=moored)
+    towed = load_ship("frigate").model_dump(exclude_unset=True) | {"propeller": {"model": "none"}}
+    with pytest.raises(ValueError, match="needs a diesel ship that moves by a propeller"):
+        FrigateEnv(ship=Ship.model_validate(towed))
 
 
 def test_the_governor_is_tuned_at_the_plants_step() -> None:

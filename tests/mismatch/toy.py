@@ -67,6 +67,7 @@ class Toy:
     start = (1.2, 10.0, 7.0)
     segments = ((0, ROWS),)
     interval_s = 1.0
+    dt = 0.05
     rows = ROWS
     excited = True
 
@@ -75,7 +76,8 @@ class Toy:
     ) -> None:
         self.replay = self
         frigate = load_ship("frigate") if ship is None else ship
-        exact = {f"tolerances.{key}": 0.0 for key, _ in frigate.tolerances}
+        known_by = (key for key, value in frigate.tolerances if isinstance(value, float))
+        exact = {f"tolerances.{key}": 0.0 for key in known_by}
         self.ship = frigate.with_values(exact | {"tolerances.resistance": known})
         self.plant = self.ship.record()
         self.runs = [self]

@@ -38,6 +38,13 @@ def test_pitch_is_known_to_a_tenth_beyond_the_ships_range(frigate: Ship) -> None
     ]  # fmt: skip
 
 
+def test_without_a_propeller_there_is_nothing_to_observe(servo: Ship) -> None:
+    coupled = servo.with_values({"transmission.inertia_propeller_side_kg_m2": 1.0})
+    for name in observer_names():
+        with pytest.raises(ObserverError, match=r"servo: the observer .* needs a propeller"):
+            get_observer(name).discretise(coupled, 0.01)
+
+
 def test_what_is_remembered() -> None:
     estimate = np.zeros(1, ESTIMATE)[0]
     estimate["x"] = 7.0

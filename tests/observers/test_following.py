@@ -76,8 +76,8 @@ def test_a_table_may_lack_acceleration_and_truth() -> None:
 def test_readings_of_a_simulation(frigate: Ship, design_point: Equilibrium) -> None:
     run = simulate(frigate, Schedule(22.0, 1.3), 2.0, initial=design_point.state)
     readings = readings_of(run)
-    names = ("shaft_speed", "measured_shaft_torque", "measured_pitch_ratio", "shaft_acceleration",
-             "advance_velocity")  # fmt: skip
+    names = ("measured_shaft_speed", "measured_shaft_torque", "measured_pitch_ratio",
+             "shaft_acceleration", "advance_velocity")  # fmt: skip
     assert readings.shape == (len(run), 5)
     for column, name in enumerate(names):
         assert np.array_equal(readings[:, column], run[name])

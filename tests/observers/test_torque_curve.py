@@ -14,6 +14,7 @@ from shaftline.observers.torque_curve import (
     torque_slopes,
     velocity_from_torque,
 )
+from shaftline.plant.propeller_curves import torque_coefficient
 
 from .screw import SHIP, Screw
 
@@ -71,3 +72,36 @@ def test_a_shaft_that_hardly_turns_tells_nothing() -> None:
     torque = SCREW.torque(1e-3, 1.001 * slowest, 1.2)
     assert velocity_from_torque(PLANT, torque, 1.001 * slowest, 1.2, 0.0)[1]
     assert np.isclose(AT_REST, 1e-3)
+
+
+def test_a_table_of_ones_own_is_inverted_like_the_polynomials() -> None:
+    """Observers of a ship with a table: torque, its slopes, and the velocity back from it."""
+    ratios, pitches = [0.05 * k - 0.1 for k in range(32)], [0.7, 1.0, 1.3]
+    rows = [[float(torque_coefficient(PLANT, j, p)) for j in ratios] for p in pitches]
+    tabled = SHIP.with_values(
+        {
+            "propeller.model": "table",
+            "propeller.pitch_ratio_min": 0.7,
+            "propeller.pitch_ratio_max": 1.3,
+            "propeller.open_water": {
+                "advance_ratio": ratios,
+                "pitch_ratio": pitches,
+                "thrust_coefficient": rows,
+                "torque_coefficient": rows,
+            },
+        }
+    ).record()
+    for v, w, pitch in ((8.0, 10.5, 1.3), (2.0, 6.0, 0.7), (5.0, 9.0, 1.15)):
+        torque = model_torque(tabled, v, w, pitch)
+        found, valid = velocity_from_torque(tabled, torque, w, pitch, 3.0)
+        assert valid
+        assert found == pytest.approx(v, rel=1e-9)
+        by_speed, by_velocity = torque_slopes(tabled, v, w, pitch)
+        more = model_torque(tabled, v + 1e-5, w, pitch) - model_torque(tabled, v - 1e-5, w, pitch)
+        assert by_velocity == pytest.approx(more / 2e-5, rel=1e-5)
+        faster = model_torque(tabled, v, w + 1e-5, pitch) - model_torque(tabled, v, w - 1e-5, pitch)
+        assert by_speed == pytest.approx(faster / 2e-5, rel=1e-5)
+    assert model_torque(tabled, 8.0, 10.5, 1.3) == pytest.approx(
+        SCREW.torque(8.0, 10.5, 1.3), rel=1e-3
+    )
+    assert highest_velocity(tabled, 9.0) == pytest.approx(1.45 * 4.2 * 9.0 / (2.0 * math.pi))

@@ -84,6 +84,7 @@ MOTOR_EFFECTS = [
     effect("command-dead-zone", "prime_mover.command_dead_zone_V", 1.5),
     effect("direction-asymmetry", "prime_mover.reverse_torque_fraction", 0.8, 1.0),
     effect("direction-asymmetry", "propeller.astern_load_fraction", 0.8, 1.0),
+    effect("torque-offset", "prime_mover.torque_offset_N_m", 0.01),
     effect("supply-limit", "prime_mover.supply_limit_V", 5.0, INF),
     effect("supply-limit", "prime_mover.supply_current_limit_A", 1.0, INF),
 ]
@@ -93,10 +94,16 @@ SENSOR_EFFECTS = [
     effect("torque-sensor-bias", "sensors.torque_bias_N_m", 3e3),
     effect("torque-sensor-gain", "sensors.torque_gain", 1.05, 1.0),
     effect("torque-sensor-delay", "sensors.torque_delay_s", 0.4),
+    effect("speed-sensor-delay", "sensors.speed_delay_s", 0.4),
     effect("speed-log-lag", "sensors.speed_log_lag_s", 10.0),
 ]
 
-MEASURED = ["measured_pitch_ratio", "measured_shaft_torque", "measured_ship_speed"]
+MEASURED = [
+    "measured_pitch_ratio",
+    "measured_shaft_speed",
+    "measured_shaft_torque",
+    "measured_ship_speed",
+]
 
 
 def named(effects: list[Effect]) -> Any:
@@ -179,15 +186,16 @@ def test_motor_effect_is_absent_to_the_last_bit_or_acts(effect: Effect, inductan
 NOMINAL = {
     "hull": {"fixed", "mass_kg", "resistance_coefficient_N_s2_m2", "thrust_deduction",
              "wake_fraction", "propellers"},
-    "propeller": {"model", "blades", "expanded_area_ratio", "pitch_ratio_min", "pitch_ratio_max",
-                  "relative_rotative_efficiency", "depth_m", "thrust_coefficient",
-                  "torque_coefficient"},
+    "propeller": {"model", "diameter_m", "blades", "expanded_area_ratio", "pitch_ratio_min",
+                  "pitch_ratio_max", "relative_rotative_efficiency", "depth_m", "thrust_coefficient",
+                  "torque_coefficient", "open_water"},
     "ventilation": set(),
     "prime_mover": {"torque_limit_N_m", "torque_limit_at_min_speed_N_m",
                     "torque_limit_slope_N_m_s_rad", "fuel_base_g_kWh", "fuel_rated_power_W",
                     "fuel_p0_s1", "fuel_p0_s2", "fuel_p1_s0", "fuel_p1_s1", "fuel_p1_s2",
                     "fuel_p2_s0", "fuel_p2_s1", "fuel_p3_s0"},
-    "transmission": set(),
+    "transmission": {"gear_ratio", "efficiency", "inertia_engine_side_kg_m2",
+                     "inertia_propeller_side_kg_m2", "stiction_speed_rad_s"},
     "pitch_actuator": {"time_constant_s"},
     "sensors": set(),
 }  # fmt: skip

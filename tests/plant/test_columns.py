@@ -41,5 +41,10 @@ def test_each_measured_column_has_the_signal_that_answers_it() -> None:
     for column, name in MEASURED.items():
         assert name in (SAMPLE.names or ())
         assert get_signal(name).column == column
-    assert tuple(MEASURED) == (*MEASURED_ON_ANY_SHIP, "thrust_N", "motor_current_A")
+    assert tuple(MEASURED) == (
+        *MEASURED_ON_ANY_SHIP,
+        "thrust_N",
+        "motor_current_A",
+        "shaft_angle_rad",
+    )
     assert ON_ANY_SHIP == MEASURED_ON_ANY_SHIP

@@ -16,7 +16,7 @@ TUG = load_ship("tito-neri-sine")
 
 def test_every_kind_has_a_code_a_column_and_a_tag_of_its_own() -> None:
     assert set(DRIVES) == set(get_args(Drive))
-    assert [drive.code for drive in DRIVES] == [0, 1, 2]
+    assert [drive.code for drive in DRIVES] == [0, 1, 2, 3]
     assert (Diesel.code, DcMotor.code) == (DIESEL, DC_MOTOR)
     assert len({drive.demand.column for drive in DRIVES}) == len(DRIVES)
     assert len({drive.demand.name for drive in DRIVES}) == len(DRIVES)
@@ -43,6 +43,12 @@ def test_a_torque_source_has_its_demand() -> None:
     plant = TUG.record()
     plant["prime_mover"] = 2
     assert driven(plant, 200.0, 0.15, 9000.0, 0.5) == (0.15, 0.0, 0.0, 0.0)
+
+
+def test_a_speed_source_has_no_torque_but_its_load() -> None:
+    plant = TUG.record()
+    plant["prime_mover"], plant["speed_held"] = 3, 1
+    assert driven(plant, 200.0, 20.0, 9000.0, 0.5) == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_a_ship_names_its_kind_in_its_record(frigate: Ship) -> None:

@@ -96,7 +96,7 @@ def test_a_hull_that_moves_needs_mass_and_resistance(frigate: Ship, key: str) ->
         Ship.model_validate(tree)
     tree["hull"]["fixed"] = True
     assert Ship.model_validate(tree).hull.fixed
-    with pytest.raises(ShipError, match=r"hull: mass_kg is missing"):
+    with pytest.raises(ShipError, match=r"hull\.mass_kg is missing"):
         load_ship("tito-neri-sine").with_values({"hull.fixed": False})
 
 

@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field
 
 from shaftline.plant.keys import (
     KeyInfo,
+    MissingKeyError,
     Number,
     Section,
     allowed_range,
@@ -103,8 +104,10 @@ def test_the_first_key_that_is_left_out_is_named() -> None:
         c: float = 0.0
 
     require(Pair(a=0.0, b=0.0), ("a", "b"), "always")
-    with pytest.raises(ValueError, match=r"^b is missing; it is required with a$"):
+    with pytest.raises(ValueError, match=r"^b is missing; it is required with a \(unit -"):
         require(Pair(a=1.0), ("a", "b", "c"), "with a")
+    with pytest.raises(MissingKeyError, match=r"^pair\.c is missing; .* allowed: any number\)$"):
+        require(Pair(a=1.0), ("c",), "with a", "pair.")
 
 
 @pytest.mark.parametrize("place", [(), (1, 2)])

@@ -81,7 +81,7 @@ def test_without_dead_time_the_demand_is_delivered_at_once(plant: Any, memory: A
 def test_instruments_read_with_offset_gain_and_bias(plant: Any, memory: Any) -> None:
     plant["pitch_sensor_offset"] = -0.03
     plant["torque_sensor_gain"], plant["torque_sensor_bias"] = 1.04, -2e3
-    read_instruments(plant, memory, OUTPUTS, DT)
+    read_instruments(plant, memory, 10.0, OUTPUTS, DT)
     assert memory["pitch_ratio"] == pytest.approx(1.27)
     assert memory["shaft_torque"] == pytest.approx(1.04 * 9e4 - 2e3)
     assert memory["blade_pitch"] == 1.3
@@ -89,7 +89,7 @@ def test_instruments_read_with_offset_gain_and_bias(plant: Any, memory: Any) -> 
 
 
 def test_sound_instruments_read_the_truth(plant: Any, memory: Any) -> None:
-    read_instruments(plant, memory, OUTPUTS, DT)
+    read_instruments(plant, memory, 10.0, OUTPUTS, DT)
     assert (memory["pitch_ratio"], memory["shaft_torque"]) == (1.3, 9e4)
     assert not memory["torques"].any()
 
@@ -99,8 +99,8 @@ def test_torque_is_read_late(plant: Any, memory: Any) -> None:
     memory["cursor"], memory["torques"][:] = 200, 5e4
     read = []
     for _ in range(3):
-        read_instruments(plant, memory, OUTPUTS, DT)
-        read_instruments(plant, memory, OUTPUTS, DT)  # seeing it twice changes nothing
+        read_instruments(plant, memory, 10.0, OUTPUTS, DT)
+        read_instruments(plant, memory, 10.0, OUTPUTS, DT)  # seeing it twice changes nothing
         read.append(float(memory["shaft_torque"]))
         memory["cursor"] += 1
     assert read == pytest.approx([5e4, 5e4 + 0.75 * 4e4, 9e4])
@@ -111,12 +111,12 @@ def test_air_is_seen_where_the_propeller_can_draw_it(
     plant: Any, memory: Any, depth: float, air: int
 ) -> None:
     shallow = OUTPUTS._replace(submergence=depth)
-    read_instruments(plant, memory, shallow, DT)
+    read_instruments(plant, memory, 10.0, shallow, DT)
     assert memory["ventilated"] == 0
     plant["ventilation_thrust_loss"] = 0.5
-    read_instruments(plant, memory, shallow, DT)
+    read_instruments(plant, memory, 10.0, shallow, DT)
     assert memory["ventilated"] == air
-    read_instruments(plant, memory, OUTPUTS._replace(submergence=2.6), DT)
+    read_instruments(plant, memory, 10.0, OUTPUTS._replace(submergence=2.6), DT)
     assert memory["ventilated"] == air  # it stays up to 1.3 R
 
 
@@ -134,7 +134,7 @@ def test_without_lag_the_log_reads_the_speed(plant: Any, memory: Any) -> None:
 
 
 def test_settled_memories_have_seen_nothing_else(plant: Any, memory: Any) -> None:
-    for name in ("engine_dead_time", "torque_sensor_delay"):
+    for name in ("engine_dead_time", "torque_sensor_delay", "speed_sensor_delay"):
         plant[name] = 3.4 * DT
     plant["speed_log_lag"], plant["torque_sensor_gain"] = 5.0, 1.1
     for name in MEMORY.names or ():
@@ -144,8 +144,9 @@ def test_settled_memories_have_seen_nothing_else(plant: Any, memory: Any) -> Non
     assert (memory["speed_log"], memory["blade_pitch"]) == (8.0, 1.3)
     for _ in range(8):
         assert begin_step(plant, memory, 22.0, DT) == 22.0
-        read_instruments(plant, memory, OUTPUTS, DT)
+        read_instruments(plant, memory, 10.0, OUTPUTS, DT)
         assert memory["shaft_torque"] == pytest.approx(1.1 * 9e4)
+        assert memory["shaft_speed"] == 10.0
         end_step(plant, memory, 8.0, DT)
         assert memory["speed_log"] == 8.0
 
@@ -174,6 +175,19 @@ def test_torque_delay_between_samples_interpolates(
     torque = s["shaft_torque"]
     expected = 0.6 * torque[1:-1] + 0.4 * torque[:-2]
     np.testing.assert_allclose(s["measured_shaft_torque"][2:], expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("steps", [1, 1.4, 60])
+def test_speed_delay_shifts_the_reading_and_nothing_else(
+    frigate: Ship, design_point: Equilibrium, lively: Schedule, steps: float
+) -> None:
+    ship = frigate.with_values({"sensors.speed_delay_s": DT * steps})
+    s = simulate(ship, lively, 20.0, initial=design_point.state)
+    plain = simulate(frigate, lively, 20.0, initial=design_point.state)
+    np.testing.assert_array_equal(s["shaft_speed"], plain["shaft_speed"])
+    np.testing.assert_array_equal(plain["measured_shaft_speed"], plain["shaft_speed"])
+    late = np.interp(s["time"] - DT * steps, s["time"], s["shaft_speed"])
+    np.testing.assert_allclose(s["measured_shaft_speed"], late, rtol=1e-12)
 
 
 @pytest.mark.parametrize("steps", [1, 12, 40])

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.plant import Ship, equilibrium, load_ship
+from shaftline.plant import Schedule, Ship, ShipError, State, equilibrium, load_ship, simulate
 from shaftline.plant.open_water import b_series, open_water
 from shaftline.plant.propeller import (
-    FOUR_QUADRANT,
     cavitation_loss,
     cavitation_number,
     propeller_load,
 )
+from shaftline.plant.propeller_curves import FOUR_QUADRANT
 
 KT, KQ = b_series("KT", 0.9, 5), b_series("KQ", 0.9, 5)
 FORCE = 1025.0 * 4.2**4
@@ -166,6 +166,24 @@ def test_each_model_asks_for_its_numbers(key: str, model: str) -> None:
     del tree["propeller"][key]
     with pytest.raises(ValueError, match=f"{key} is missing.*propeller.model = '{model}'"):
         Ship.model_validate(tree)
+
+
+def test_no_propeller_asks_for_nothing_and_loads_nothing(servo: Ship) -> None:
+    plant = servo.record()
+    for turning in (-30.0, 0.0, 30.0):
+        found = propeller_load(plant, 2.0, turning, 1.0, 0.1, 0.0)
+        assert (found.thrust, found.torque, found.thrust_coefficient) == (0.0, 0.0, 0.0)
+    start = State(1.0, 0.0, 0.0)
+    run = simulate(servo, Schedule(100.0, 1.0), 1.0, initial=start)
+    speed = 100.0 / 190.0 * -np.expm1(-2.0 * run["time"])  # I / d = 0.5 s
+    assert run["shaft_speed"] == pytest.approx(speed, abs=1e-12)
+
+
+def test_keys_of_a_propeller_that_is_not_there_are_refused(servo: Ship) -> None:
+    with pytest.raises(
+        ShipError, match=r"diameter_m acts on nothing with propeller\.model = 'none'"
+    ):
+        servo.with_values({"propeller.diameter_m": 0.2})
 
 
 def test_lowest_pitch_may_equal_the_highest(frigate: Ship) -> None:

@@ -9,7 +9,15 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.plant import Schedule, Ship, ShipError, equilibrium, load_ship, realise, simulate
+from shaftline.plant import (
+    Schedule,
+    Ship,
+    ShipError,
+    equilibrium,
+    load_ship,
+    realise,
+    simulate,
+)
 from shaftline.plant.columns import MEASURED as ANSWERS
 from shaftline.plant.columns import input_columns
 from shaftline.plant.recording import RecordingError

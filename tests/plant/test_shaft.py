@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.plant import Equilibrium, Schedule, Ship, equilibrium, simulate
+from shaftline.plant import Equilibrium, Schedule, Ship, State, equilibrium, load_ship, simulate
 from shaftline.plant.shaft import (
     brake_torque_of,
     drive_torque,
@@ -21,25 +21,39 @@ from shaftline.plant.shaft import (
 GEAR, EFFICIENCY = 7.38, 0.95
 LEFT, RIGHT = 53697.0, 14411.0
 """Inertias before and behind the gauge, thesis Table B-1 [kg m2]."""
+COULOMB = "transmission.coulomb_friction_engine_side_N_m"
 STEP = 1e-30
+PLANT = load_ship("frigate").record()
 
 
 def friction_slope(coulomb: float, viscous: float, omega: float) -> float:
-    return float(complex(friction_torque(coulomb, viscous, omega + STEP * 1j)).imag / STEP)
+    return float(complex(friction_torque(PLANT, coulomb, viscous, omega + STEP * 1j)).imag / STEP)
 
 
 @pytest.mark.parametrize("omega", [1.0, 1.000001, 5.0, 14.0])
 def test_coulomb_friction_is_its_torque_beyond_creep(omega: float) -> None:
-    assert friction_torque(5e3, 0.0, omega) == pytest.approx(5e3, rel=1e-15)
-    assert friction_torque(5e3, 0.0, -omega) == pytest.approx(-5e3, rel=1e-15)
+    assert friction_torque(PLANT, 5e3, 0.0, omega) == pytest.approx(5e3, rel=1e-15)
+    assert friction_torque(PLANT, 5e3, 0.0, -omega) == pytest.approx(-5e3, rel=1e-15)
 
 
 @pytest.mark.parametrize("omega", [0.01, 0.05, 0.1])
 def test_creeping_shaft_feels_a_share_of_it(omega: float) -> None:
     """Tanh(omega / 0.05): 76 % of the torque at 0.05 rad/s."""
-    assert friction_torque(5e3, 0.0, omega) == pytest.approx(5e3 * math.tanh(20.0 * omega))
-    assert friction_torque(5e3, 0.0, -omega) == -friction_torque(5e3, 0.0, omega)
-    assert friction_torque(1.0, 0.0, 0.05) == pytest.approx(0.7615942, rel=1e-7)
+    assert friction_torque(PLANT, 5e3, 0.0, omega) == pytest.approx(5e3 * math.tanh(20.0 * omega))
+    assert friction_torque(PLANT, 5e3, 0.0, -omega) == -friction_torque(PLANT, 5e3, 0.0, omega)
+    assert friction_torque(PLANT, 1.0, 0.0, 0.05) == pytest.approx(0.7615942, rel=1e-7)
+
+
+def test_the_speed_below_which_friction_sticks_is_a_number_of_the_ship(servo: Ship) -> None:
+    assert servo.number("transmission.stiction_speed_rad_s").value == 0.05
+    plant = servo.with_values({"transmission.stiction_speed_rad_s": 0.002}).record()
+    assert friction_torque(plant, 20.0, 0.0, 0.001) == pytest.approx(20.0 * math.tanh(0.5))
+    assert friction_torque(plant, 20.0, 0.0, -0.0401) == -20.0
+    # a drive that is pushed with less than its friction creeps, at a share of that speed
+    stuck = {"transmission.stiction_speed_rad_s": 0.002, COULOMB: 20.0}
+    run = simulate(servo.with_values(stuck), Schedule(10.0, 1.0), 1.0, initial=State(1.0, 0.0, 0.0))
+    creep = run["shaft_speed"][-1]
+    assert 20.0 * math.tanh(creep / 0.002) + 190.0 * creep == pytest.approx(10.0, rel=1e-6)
 
 
 def test_creeping_friction_has_the_slope_of_its_curve() -> None:
@@ -49,15 +63,15 @@ def test_creeping_friction_has_the_slope_of_its_curve() -> None:
 
 
 def test_viscous_friction_grows_with_speed() -> None:
-    assert friction_torque(0.0, 300.0, 4.0) == 1200.0
-    assert friction_torque(0.0, 300.0, -4.0) == -1200.0
-    assert friction_torque(5e3, 300.0, 4.0) == 6200.0
+    assert friction_torque(PLANT, 0.0, 300.0, 4.0) == 1200.0
+    assert friction_torque(PLANT, 0.0, 300.0, -4.0) == -1200.0
+    assert friction_torque(PLANT, 5e3, 300.0, 4.0) == 6200.0
     assert friction_slope(5e3, 300.0, 4.0) == pytest.approx(300.0)
 
 
 def test_friction_vanishes_at_rest() -> None:
-    assert friction_torque(5e3, 300.0, 0.0) == 0.0
-    assert friction_torque(0.0, 0.0, 10.0) == 0.0
+    assert friction_torque(PLANT, 5e3, 300.0, 0.0) == 0.0
+    assert friction_torque(PLANT, 0.0, 0.0, 10.0) == 0.0
 
 
 def test_quadratic_drag_opposes_the_rotation(plant: Any) -> None:

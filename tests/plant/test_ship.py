@@ -46,6 +46,74 @@ def test_a_ship_has_the_balances_of_its_parts(frigate: Ship) -> None:
     assert moored.balances == ("engine", "propeller", "sensor", "pitch-actuator")
 
 
+def test_a_drive_without_a_propeller_has_the_balances_of_a_drive(
+    servo: Ship, frigate: Ship
+) -> None:
+    assert servo.balances == ("motor", "sensor")
+    assert frigate.has_propeller
+    assert not servo.has_propeller
+
+
+@pytest.mark.parametrize(
+    ("key", "why"),
+    [
+        ("propeller.entrained_inertia_kg_m2", "servo has no propeller"),
+        ("propeller.astern_load_fraction", "servo has no propeller"),
+        ("ventilation.torque_loss", "servo has no propeller"),
+        ("water.density_kg_m3", "servo has no propeller"),
+        ("hull.wake_fraction", "servo has no propeller"),
+        ("hull.wake_slope_s_m", "servo has no propeller"),
+        ("hull.thrust_deduction", "servo has a hull that is fixed"),
+        ("hull.mass_kg", "servo has a hull that is fixed"),
+    ],
+)
+def test_a_number_that_acts_on_nothing_is_none_of_the_ship(servo: Ship, key: str, why: str) -> None:
+    with pytest.raises(ShipError, match=f"{key} acts on nothing: {why}"):
+        servo.number(key)
+    assert not servo.has_key(key)
+
+
+FREED = {
+    "frigate": [
+        "hull.wake_fraction", "hull.thrust_deduction", "hull.resistance_coefficient_N_s2_m2",
+        "hull.mass_kg", "propeller.relative_rotative_efficiency", "transmission.gear_ratio",
+        "transmission.inertia_propeller_side_kg_m2", "prime_mover.torque_per_rack_N_m_mm",
+        "pitch_actuator.time_constant_s", "transmission.coulomb_friction_engine_side_N_m",
+    ],
+    "tito-neri-sine": [
+        "prime_mover.motor_constant_V_s_rad", "prime_mover.armature_resistance_ohm",
+        "prime_mover.armature_inductance_H", "transmission.inertia_engine_side_kg_m2",
+        "transmission.coulomb_friction_engine_side_N_m", "propeller.torque_coefficient",
+        "prime_mover.torque_offset_N_m", "transmission.stiction_speed_rad_s",
+    ],
+    "rov-thruster": ["propeller.thrust_coefficient", "propeller.torque_coefficient"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "key"), [(s, k) for s, keys in FREED.items() for k in keys])
+def test_a_number_that_may_be_freed_is_written_as_with_values_does(name: str, key: str) -> None:
+    ship = load_ship(name)
+    number = ship.number(key)
+    value = number.value * 1.01 if number.value else 1e-3
+    record = ship.record()
+    assert number.read(record) == pytest.approx(number.value, rel=1e-15)
+    number.write(record, value)
+    assert record.tobytes() == ship.with_values({key: value}).record().tobytes()
+
+
+def test_coefficients_that_follow_j_are_no_single_numbers(frigate: Ship) -> None:
+    with pytest.raises(ShipError, match="frigate has a propeller whose KT and KQ follow J"):
+        frigate.number("propeller.torque_coefficient")
+
+
+def test_a_hull_without_a_propeller_has_resistance_and_no_thrust(frigate: Ship) -> None:
+    tree = frigate.model_dump(exclude_unset=True)
+    towed = Ship.model_validate(tree | {"propeller": {"model": "none"}})
+    assert towed.balances == ("engine", "sensor", "hull")
+    assert towed.has_key("hull.resistance_coefficient_N_s2_m2")
+    assert not towed.has_key("hull.thrust_deduction")
+
+
 def test_running_speeds_are_those_of_the_propeller_shaft(frigate: Ship) -> None:
     low, high = frigate.shaft_speeds
     assert low == pytest.approx(350.0 * math.pi / 30.0 / 7.38, rel=1e-14)
@@ -164,7 +232,9 @@ def test_ship_is_frozen(frigate: Ship) -> None:
         frigate.hull.mass_kg = 1.0  # type: ignore[misc]
 
 
-@pytest.mark.parametrize("key", ["sensors.torque_delay_s", "prime_mover.dead_time_s"])
+@pytest.mark.parametrize(
+    "key", ["sensors.torque_delay_s", "sensors.speed_delay_s", "prime_mover.dead_time_s"]
+)
 def test_delay_beyond_the_memory_is_refused(frigate: Ship, key: str) -> None:
     short = {"integration.time_step_s": 0.01}
     longest = 0.01 * (HISTORY - 2)

@@ -41,7 +41,8 @@ def edited(tmp_path: Path) -> Edit:
         ("resistance_coefficient_N_s2_m2 = 3306.2", "", ["resistance_coefficient_N_s2_m2 is missing"]),
         ("blades = 5", "", ["propeller", "blades is missing", "propeller.model = 'b-series'"]),
         ('model = "b-series"', 'model = "bollard"', ["torque_coefficient is missing", "bollard"]),
-        ("[water]", "[waters]", ["water is missing", "waters is not a known key"]),
+        ("[water]", "[waters]", ["waters is not a known key"]),
+        ("density_kg_m3 = 1025.0", "", ["water.density_kg_m3 is missing", "with a propeller"]),
         ("diameter_m = 4.2", 'diameter_m = "4.2"', ["propeller.diameter_m", "'4.2'", "unit m;"]),
         ("diameter_m = 4.2", "diameter_m = true", ["propeller.diameter_m", "True", "number"]),
         ("propellers = 2", "propellers = 2.5", ["hull.propellers", "2.5", ">= 1 and <= 8"]),
@@ -90,15 +91,20 @@ def test_all_mistakes_are_named_at_once(edited: Edit) -> None:
     ("change", "sentence"),
     [
         ({"propeller.diameter_m": None},
-         "f: propeller.diameter_m is missing (unit m; allowed: > 0 and <= 15)"),
+         "f: propeller.diameter_m is missing; it is required with propeller.model = 'b-series' "
+         "(unit m; allowed: > 0 and <= 15)"),
+        ({"water.density_kg_m3": None},
+         "f: water.density_kg_m3 is missing; it is required with a propeller "
+         "(unit kg/m3; allowed: >= 990 and <= 1035)"),
         ({"hull.colour": 1.0}, "f: hull.colour is not a known key"),
         ({"prime_mover.rack_max_mm": None},
          "f: prime_mover.rack_max_mm is missing (unit mm; allowed: > 0 and <= 200)"),
         ({"prime_mover.colour": 1.0}, "f: prime_mover.colour is not a known key"),
         ({"prime_mover.type": "steam"},
-         "f: prime_mover.type = 'steam' is unknown (allowed: dc-motor, diesel, torque-command)"),
+         "f: prime_mover.type = 'steam' is unknown (allowed: dc-motor, diesel, "
+         "speed-command, torque-command)"),
         ({"prime_mover.type": None},
-         "f: prime_mover.type is missing (allowed: dc-motor, diesel, torque-command)"),
+         "f: prime_mover.type is missing (allowed: dc-motor, diesel, speed-command, torque-command)"),
         ({"hull.mass_kg": -1.0},
          "f: hull.mass_kg = -1.0: input should be greater than 0 (unit kg; allowed: > 0 and <= 1e+09)"),
         ({"prime_mover.speed_min_rpm": 1e3},
@@ -136,4 +142,9 @@ def test_a_right_ship_passes() -> None:
 def test_kinds_of_a_union_and_their_tags() -> None:
     assert kinds(Drive)[:2] == (Diesel, DcMotor)
     assert kinds(Hull) == (Hull,)
-    assert [tag_of(kind) for kind in kinds(Drive)] == ["diesel", "dc-motor", "torque-command"]
+    assert [tag_of(kind) for kind in kinds(Drive)] == [
+        "diesel",
+        "dc-motor",
+        "torque-command",
+        "speed-command",
+    ]

@@ -136,6 +136,10 @@ def test_the_keys_of_each_prime_mover_are_told_apart() -> None:
     rows = {row[0]: row for row in ship_keys()}
     assert rows["prime_mover.rack_max_mm (diesel)"][1:4] == ("mm", "> 0 and <= 200", "required")
     assert rows["prime_mover.voltage_max_V (dc-motor)"][1:3] == ("V", "> 0 and <= 100000")
-    assert rows["propeller.model"][2:4] == ("b-series, four-quadrant, bollard", "b-series")
+    assert rows["propeller.model"][2:4] == (
+        "b-series, four-quadrant, bollard, table, none",
+        "b-series",
+    )
+    assert rows["propeller.diameter_m"][3] == "required with a propeller"
     assert rows["hull.fixed"][2:4] == ("true, false", "False")
     assert "diesel" in {row[2] for row in ship_keys() if row[0] == "prime_mover.type"}

@@ -10,7 +10,8 @@ from shaftline.plant.signals import CONTROL_SIGNALS, RECORDED_SIGNALS, SAMPLE, S
 EVERY = (*SIGNALS, *CONTROL_SIGNALS, *RECORDED_SIGNALS)
 
 BOUNDS = {
-    "time_s": (0, math.inf), "position_m": (-math.inf, math.inf), "ventilation": (0, 1),
+    "time_s": (0, math.inf), "position_m": (-math.inf, math.inf),
+    "shaft_angle_rad": (-math.inf, math.inf), "ventilation": (0, 1),
     "estimate_valid": (0, 1), "shaft_speed_rad_s": (-1e3, 1e3),
     "shaft_acceleration_rad_s2": (-1e5, 1e5), "motor_current_A": (-1e5, 1e5),
     "thrust_N": (-1e8, 1e8), "resistance_N": (-1e9, 1e9), "fuel_flow_kg_s": (0, 100),
@@ -22,7 +23,7 @@ BOUNDS = {
 
 @pytest.mark.parametrize("signal", EVERY, ids=lambda signal: signal.name)
 def test_bounds_hold_any_ship_and_no_slip_of_unit(signal: object) -> None:
-    by_unit = {"m/s": (-40, 40), "N m": (-1e8, 1e8)}
+    by_unit = {"m/s": (-40, 40), "N m": (-1e8, 1e8), "rad/s": (-1e3, 1e3)}
     bounds = BOUNDS.get(signal.column) or by_unit[signal.unit]  # type: ignore[attr-defined]
     assert (signal.low, signal.high) == bounds  # type: ignore[attr-defined]
 

@@ -52,7 +52,7 @@ def test_a_steady_ship_begins_without_a_transient(frigate: Ship) -> None:
     start = equilibrium(ship, 22.0, 1.2)
     s = simulate(ship, Schedule(22.0, 1.2), 20.0, initial=start.state)
     for name in s.dtype.names or ():
-        if name not in ("time", "position", "shaft_acceleration"):
+        if name not in ("time", "position", "shaft_angle", "shaft_acceleration"):
             np.testing.assert_allclose(s[name], s[name][0], rtol=1e-8, err_msg=name)
     assert np.abs(s["shaft_acceleration"]).max() < 1e-8
     assert s["measured_shaft_torque"][0] == pytest.approx(1.02 * s["shaft_torque"][0])
@@ -91,7 +91,9 @@ def test_samples_are_the_outputs_of_single_steps(
             "time": k * dt, "drive": drive[last], "pitch_command": pitch[last],
             "measured_pitch_ratio": memory["pitch_ratio"], "measured_ship_speed": log,
             "measured_shaft_torque": memory["shaft_torque"], "shaft_speed": now.shaft_speed,
+            "measured_shaft_speed": memory["shaft_speed"],
             "ship_speed": now.ship_speed, "ventilation": now.ventilation, "position": now.position,
+            "shaft_angle": now.shaft_angle,
         }  # fmt: skip
         for name in SAMPLE.names or ():
             value = expected.get(name, getattr(out, name, None))

@@ -33,6 +33,7 @@ COUNTING = State(*(float(k) for k in range(1, 9)))
         ({}, ["pitch_ratio", "shaft_speed", "ship_speed"]),
         ({"pitch_ratio_min": 1.4}, ["shaft_speed", "ship_speed"]),
         ({"hull_fixed": 1}, ["pitch_ratio", "shaft_speed"]),
+        ({"speed_held": 1}, ["pitch_ratio", "ship_speed"]),
         ({"engine_lag": 0.1}, ["pitch_ratio", "shaft_speed", "ship_speed", "brake_torque"]),
         ({"inflow_lag": 0.1}, ["pitch_ratio", "shaft_speed", "ship_speed", "inflow"]),
         (
@@ -116,5 +117,5 @@ def test_state_of_the_motion_alone() -> None:
 
 
 def test_absent_states_and_disturbances_are_nothing() -> None:
-    assert State(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert Inputs(22.0, 1.4) == (22.0, 1.4, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    assert State(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert Inputs(22.0, 1.4) == (22.0, 1.4, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)

@@ -79,7 +79,9 @@ def test_signals_carry_their_units() -> None:
     assert found["shaft_speed"][0] == pytest.approx(SPEED)
     fit.balances.replay.runs = [fit, fit]  # type: ignore[list-item]
     assert "time" not in signals_of(fit, fit.null)
-    fit.balances.replay.ship = load_ship("rov-thruster")
+    fit.balances.replay.ship = load_ship("rov-thruster").with_values(
+        {"hull.fixed": False, "hull.mass_kg": 90.0, "hull.resistance_coefficient_N_s2_m2": 40.0}
+    )
     assert signals_of(fit, fit.null)["drive"][1] == "V"
 
 

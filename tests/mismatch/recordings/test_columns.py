@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.mismatch.recordings.columns import Source
 from shaftline.plant import RecordingError
 
 from .conftest import Load
@@ -51,13 +54,19 @@ def test_foreign_names_units_and_signs_are_carried_over(load: Load, calm: pd.Dat
         ("[columns]\nN = 3", r"columns\.N: "),
         ('[columns]\nN = "speed"', r"columns\.N\.column: 'speed' is not canonical \(allowed: time_s"),
         ('[columns]\nN = { column = "time_s", units = "s" }',
-         r"columns\.N\.units is not a known key \(allowed: column, unit, sign, scale, offset\)"),
+         r"columns\.N\.units is not a known key \(allowed: column, unit, sign, scale, offset, rad"),
         ('[columns]\nN = { column = "thrust_N", sign = 2 }', r"columns\.N\.sign: .* 1 or -1"),
         ('[columns]\nN = { column = "thrust_N", scale = 0 }', r"columns\.N\.scale: 0 would leave"),
         ('[columns]\nN = { column = "thrust_N", scale = inf }', r"columns\.N\.scale: .*finite"),
         ('[columns]\nN = { column = "thrust_N", unit = "kp m" }', r"columns\.N: unit 'kp m' is not"),
         ('[columns]\nN = { column = "thrust_N", unit = "kg" }', r"'kg' cannot be turned into N"),
         ('[columns]\nN = { column = "shaft_speed_rad_s", unit = "Hz" }', r"does not say what turns"),
+        ('[columns]\nN = { column = "shaft_angle_rad", unit = "percent" }', r"does not say what turns"),
+        ('[columns]\nN = { column = "shaft_angle_rad", unit = "m" }', r"'m' cannot be turned into rad"),
+        ('[columns]\nN = { column = "shaft_angle_rad", unit = "rad", radius_m = 1.0 }',
+         r"'rad' cannot be turned into m"),
+        ('[columns]\nN = { column = "thrust_N", radius_m = 1.0 }', r"radius_m is for torques, angles"),
+        ('[columns]\nN = { column = "shaft_angle_rad", radius_m = 0.0 }', r"radius_m: .*greater than 0"),
         ('[columns]\nN = { column = "thrust_N", unit = "datetime" }', r"is for time_s only"),
         ('[columns]\nN = "thrust_N"\nM = "thrust_N"', r"thrust_N is given by more than one"),
         ("[column]\nN = 1", r"column is not a known key \(allowed: columns\)"),
@@ -66,6 +75,22 @@ def test_foreign_names_units_and_signs_are_carried_over(load: Load, calm: pd.Dat
 def test_bad_map_is_named(load: Load, calm: pd.DataFrame, text: str, words: str) -> None:
     with pytest.raises(RecordingError, match=rf"map\.toml: .*{words}"):
         load(calm, text or "\n")
+
+
+def test_a_linear_axis_is_a_shaft_by_its_radius() -> None:
+    """Force times radius is torque, way and speed over radius are angle and speed of rotation."""
+    values = pd.Series([1.0, -2.0])
+    for column, unit, expected in (
+        ("motor_torque_N_m", "kN", 250.0),
+        ("motor_torque_N_m", None, 0.25),
+        ("shaft_angle_rad", "mm", 0.004),
+        ("shaft_angle_rad", None, 4.0),
+        ("shaft_speed_rad_s", "m/s", 4.0),
+    ):
+        source = Source(column=column, unit=unit, radius_m=0.25)
+        assert list(source.convert(values)) == pytest.approx([expected, -2.0 * expected])
+    turned = Source(column="shaft_angle_rad", unit="turn", sign=-1, offset=0.5)
+    assert list(turned.convert(values)) == pytest.approx([-3.0 * math.pi, 3.0 * math.pi])
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,15 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import fetch, load_recording
-from shaftline.plant import RecordingError, Schedule, Ship, equilibrium, load_ship, simulate
+from shaftline.plant import (
+    RecordingError,
+    Schedule,
+    Ship,
+    equilibrium,
+    load_ship,
+    simulate,
+    simulate_recording,
+)
 
 from .conftest import Load
 from .trials import COLUMNS, EFFECTS, NOISE, voyage
@@ -137,6 +145,96 @@ inertia_propeller_side_kg_m2 = 0.0
 [integration]
 time_step_s = 0.005
 """
+
+
+def turning(ship: Ship, seed: int = 0) -> pd.DataFrame:
+    """A servo's angle, its torque stepped in both directions."""
+    rng = np.random.default_rng(seed)
+    time = 0.01 * np.arange(2000)
+    torque = np.repeat(rng.uniform(-90.0, 90.0, 40), 50)
+    table = pd.DataFrame({"time_s": time, "motor_torque_N_m": torque, "shaft_angle_rad": 0.0})
+    run = simulate_recording(ship, table)[list(table)]
+    return run.assign(shaft_angle_rad=run["shaft_angle_rad"] + 1e-5 * rng.standard_normal(2000))
+
+
+def test_an_angle_stands_for_the_speed(load: Load, servo: Ship) -> None:
+    run = turning(servo.with_values({"transmission.coulomb_friction_engine_side_N_m": 25.0}))
+    found = load(run, ship=servo)
+    assert found.channels == ("motor_torque_N_m", "shaft_angle_rad")
+    assert (found.warnings, found.limits) == ((), ())
+    with pytest.raises(RecordingError, match="column 'shaft_speed_rad_s' is missing"):
+        load(run.drop(columns="shaft_angle_rad"), ship=servo)
+
+
+@pytest.mark.parametrize(
+    ("slip", "words"),
+    [
+        (180.0 / np.pi, 'looks like deg .* say unit = "deg"'),
+        (-1.0, "looks like itself with the sign turned"),
+    ],
+)
+def test_slips_of_an_angle_are_told_by_its_steps(
+    load: Load, servo: Ship, slip: float, words: str
+) -> None:
+    """Far from 0, where the angle itself tells nothing of its unit."""
+    run = turning(servo)
+    turned = run.assign(shaft_angle_rad=slip * (run["shaft_angle_rad"] + 300.0))
+    with pytest.raises(RecordingError, match=f"shaft_angle_rad {words}"):
+        load(turned, ship=servo)
+    load(run.assign(shaft_angle_rad=run["shaft_angle_rad"] + 300.0), ship=servo)
+
+
+def test_an_angle_that_begins_anew_is_refused(load: Load, servo: Ship) -> None:
+    run = turning(servo.with_values({"transmission.viscous_friction_engine_side_N_m_s_rad": 5.0}))
+    wrapped = run.assign(shaft_angle_rad=np.mod(run["shaft_angle_rad"], 2.0 * np.pi))
+    with pytest.raises(RecordingError, match=r"row \d+: .* begins anew with every turn; .*unwrap"):
+        load(wrapped, ship=servo)
+
+
+def test_a_speed_that_is_held_is_a_demand(load: Load, frigate: Ship, calm: pd.DataFrame) -> None:
+    tree = frigate.model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
+    held = Ship.model_validate(tree)
+    run = calm.drop(columns="fuel_rack_mm")
+    found = load(run, ship=held)
+    assert found.channels == tuple(c for c in COLUMNS if c != "fuel_rack_mm")
+    assert (found.warnings, found.limits) == ((), ())
+    in_rpm = run.assign(shaft_speed_rad_s=run["shaft_speed_rad_s"] * 30.0 / np.pi)
+    with pytest.raises(
+        RecordingError, match=r"shaft_speed_rad_s looks like rpm .* takes -15 to 15"
+    ):
+        load(in_rpm, ship=held)
+    steady = run.assign(shaft_speed_rad_s=10.0)
+    assert not any("shaft_speed" in said for said in load(steady, ship=held).limits)
+    still = steady.assign(ship_speed_m_s=8.0 + 0.01 * run["ship_speed_m_s"])
+    assert any("dull: shaft_speed_rad_s" in said for said in load(still, ship=held).limits)
+
+
+AXIS = """[columns]
+motor_force_N = { column = "motor_torque_N_m", unit = "N", radius_m = 1.0 }
+position_m = { column = "shaft_angle_rad", unit = "m", radius_m = 1.0 }
+"""
+
+
+def test_a_real_axis_is_followed_by_its_published_numbers(tmp_path: Path, servo: Ship) -> None:
+    """EMPS: mass, viscous and Coulomb friction and offset leave 6.5 and 9 mm of position."""
+    folder = Path(os.environ.get("SHAFTLINE_DATA", "")) / "recordings" / "emps"
+    if "SHAFTLINE_DATA" not in os.environ or not folder.is_dir():
+        pytest.skip("needs recordings/emps in the folder SHAFTLINE_DATA (docs/recordings.md)")
+    (tmp_path / "map.toml").write_text(AXIS)
+    emps = servo.with_values(
+        {
+            "prime_mover.torque_offset_N_m": 3.2,
+            "transmission.inertia_engine_side_kg_m2": 95.11,
+            "transmission.viscous_friction_engine_side_N_m_s_rad": 203.5,
+            "transmission.coulomb_friction_engine_side_N_m": 20.4,
+            "transmission.stiction_speed_rad_s": 1e-3,
+        }
+    )
+    for name, most in (("estimation", 7e-3), ("validation", 9.5e-3)):
+        found = load_recording(folder / f"{name}.csv", emps, tmp_path / "map.toml")
+        sailed = simulate_recording(emps, found.table)["shaft_angle_rad"]
+        assert np.sqrt(np.mean((sailed - found["shaft_angle_rad"]) ** 2)) < most
 
 
 def test_real_thruster_runs_are_accepted(tmp_path: Path) -> None:

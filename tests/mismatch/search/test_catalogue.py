@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue, diagnose
-from shaftline.mismatch.search.catalogue import applicable, entries_of
+from shaftline.mismatch.report.html import report_html
+from shaftline.mismatch.search.catalogue import applicable, entries_of, mistaken_for
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.replay import simulate_recording
 from shaftline.plant.term_kernel import MAX_TERMS
@@ -71,6 +73,7 @@ ON_THE_FRIGATE: list[tuple[str, str, dict[str, Any]]] = [
     ("torque-sensor-bias", "sensor", {"sensors.torque_bias_N_m": -9000.0}),
     ("torque-sensor-gain", "sensor", {"sensors.torque_gain": 0.93}),
     ("torque-sensor-delay", "sensor", {"sensors.torque_delay_s": 0.8}),
+    ("speed-sensor-delay", "sensor", {"sensors.speed_delay_s": 0.6}),
     ("speed-log-lag", "sensor", {"sensors.speed_log_lag_s": 15.0}),
 ]
 
@@ -179,6 +182,58 @@ def test_only_what_a_ship_can_have_is_tried() -> None:
     assert "hull-fouling (hull)" not in tug
     with pytest.raises(ValueError, match="unknown effect 'rust'"):
         applicable(load_ship("frigate"), [], ["rust"])
+
+
+def test_a_drive_without_a_propeller_is_offered_nothing_of_one(servo: Ship) -> None:
+    everything = {"shaft_torque_N_m", "thrust_N", "propeller_submergence_m", "ship_speed_m_s"}
+    found = {e.label: e for e in applicable(servo, everything)}
+    assert set(found) == {
+        "torque-sensor-bias (sensor)",
+        "torque-sensor-gain (sensor)",
+        "torque-sensor-delay (sensor)",
+        "speed-log-lag (sensor)",
+        "coulomb-friction (motor)",
+        "viscous-friction (motor)",
+        "quadratic-drag (motor)",
+    }
+    assert not any("propeller" in said for e in found.values() for said in (e.lacks, e.equation))
+    drag = found["quadratic-drag (motor)"]
+    assert mistaken_for(drag, servo) == ("viscous-friction",)
+    assert mistaken_for(drag, bench_tug()) == drag.confused_with
+
+
+def test_a_shaft_whose_speed_is_held_has_friction_behind_its_gauge(frigate: Ship) -> None:
+    tree = frigate.model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
+    held = Ship.model_validate(tree)
+    found = {e.label for e in applicable(held, ["shaft_torque_N_m", "ship_speed_m_s"])}
+    assert {"coulomb-friction (propeller)", "propeller-roughness (propeller)"} <= found
+    assert not any("(engine" in label or "(motor" in label for label in found)
+    assert not any("behind" in e.equation for e in applicable(bench_tug(), ["shaft_torque_N_m"]))
+
+
+def servo_run(ship: Ship, seed: int = 0) -> pd.DataFrame:
+    """A servo's torque stepped in both directions."""
+    rng = np.random.default_rng(seed)
+    rows = 3000
+    torque = np.repeat(rng.uniform(-90.0, 90.0, rows // 50), 50)
+    table = pd.DataFrame(
+        {"time_s": 0.01 * np.arange(rows), "motor_torque_N_m": torque, "shaft_speed_rad_s": 0.0}
+    )
+    run = simulate_recording(ship, table)[list(table)]
+    run["shaft_speed_rad_s"] += 1e-3 * rng.standard_normal(rows)
+    return run
+
+
+def test_friction_of_a_drive_is_found(servo: Ship) -> None:
+    """What is probed is scaled by the drive's torque, for there is no propeller's."""
+    found = diagnose(servo, servo_run(servo.with_values({ENGINE_SIDE: 8.0})))
+    _named(found, "coulomb-friction", "motor")
+    (estimate,) = found.findings[0].estimates
+    assert estimate.value == pytest.approx(8.0, rel=0.05)
+    told = report_html(found).split('<p class="note">Not tried,')[0]
+    assert "coulomb friction" in told
+    assert "ropeller" not in told
 
 
 def simulated(ship: Ship) -> Any:

@@ -13,6 +13,7 @@ from shaftline.mismatch import catalogue
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.trial_ship import TrialShip, scales
 from shaftline.plant import load_ship
+from shaftline.plant.memory import HISTORY
 
 from ..toy import FRICTION, SPEED, Toy, entry, white
 
@@ -155,10 +156,25 @@ def test_scales_are_those_of_the_nominal_voyage(toy: Any) -> None:
             "drive_top": float(drive.max()),
             "current_top": 0.0,
             "inertia": line.inertia_propeller_side_kg_m2 + 0.1 * line.inertia_engine_side_kg_m2,
+            "shaft_time": (53697.0 + 14411.0) * rms / 2e5,
             "sigma_top": pressure / (0.5 * water.density_kg_m3 * (turns * screw.diameter_m) ** 2),
         }
     )
     assert {p.of for effect in catalogue() for p in effect.parameters} <= set(found)
+
+
+@pytest.mark.parametrize("key", ["sensors.torque_delay_s", "sensors.speed_delay_s"])
+def test_no_delay_is_tried_that_the_plant_cannot_look_back(
+    monkeypatch: pytest.MonkeyPatch, key: str
+) -> None:
+    monkeypatch.setattr(Toy, "dt", 0.005)
+    near: Any = Toy({}, white(0, 1.0, 1.0))
+    ship = TrialShip(near)
+    name = "torque-sensor-delay" if "torque" in key else "speed-sensor-delay"
+    late = entry(f"{name} (sensor)")
+    assert ship.range_of(late.parameters[0]) == (0.0, 0.005 * (HISTORY - 2))
+    assert ship.settings(Placed(late, (5.0,), None)) == {key: 0.005 * (HISTORY - 2)}
+    assert all(value <= 0.63 for value in ship.probes(late.parameters[0]))
 
 
 def test_scales_have_no_sign_and_are_never_zero(toy: Any) -> None:

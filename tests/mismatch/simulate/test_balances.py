@@ -114,6 +114,52 @@ def test_thrust_and_current_are_measured_less_worked_out(bench: Ship) -> None:
     assert {PART_OF[name] for name in ("thrust", "current")} == {"propeller", "motor"}
 
 
+def test_behind_the_gauge_of_a_shaft_without_a_propeller_is_its_load(bench: Ship) -> None:
+    tree = bench.model_dump(exclude_unset=True)
+    drive = Ship.model_validate(tree | {"propeller": {"model": "none"}})
+    hand = by_hand()
+    found = residuals(drive, table(shaft_torque_N_m=TORQUE, thrust_N=TIME))
+    assert list(found) == ["motor", "load"]  # and no thrust, which nothing gives
+    assert found["motor"] == pytest.approx(0.06 * hand["spin"] + TORQUE - hand["drive"], abs=1e-9)
+    assert found["load"] == pytest.approx(0.01 * hand["spin"] + 0.02 * SPEED - TORQUE, abs=1e-9)
+    assert PART_OF["load"] == "motor"
+
+
+def test_the_speed_of_an_angle_is_its_derivative(bench: Ship) -> None:
+    """Formed alike of what was measured and what was simulated."""
+    angle = 40.0 * TIME - 5.0 * np.cos(TIME)
+    recording = table(shaft_angle_rad=angle).drop(columns="shaft_speed_rad_s")
+    balances = Balances(JointReplay(bench, recording))
+    assert balances.names == ["motor"]
+    slope = np.gradient(angle, STEP)
+    same = residuals(bench, table(shaft_speed_rad_s=slope))
+    assert balances.residuals({"shaft_angle_rad": angle})[0] == pytest.approx(same["motor"])
+    lacking = balances.lacking(balances.nominal)[0]
+    simulated = balances.nominal["shaft_angle_rad"]
+    assert lacking == pytest.approx(
+        balances.residuals(balances.replay.measured)[0]
+        - residuals(bench, table(shaft_speed_rad_s=np.gradient(simulated, STEP)))["motor"]
+    )
+    # where both were measured, the tachometer goes first
+    both = Balances(JointReplay(bench, table(shaft_angle_rad=angle)))
+    by_speed = residuals(bench, table())["motor"]
+    assert both.residuals(both.replay.recorded)[0] == pytest.approx(by_speed)
+
+
+def test_a_drive_that_holds_its_speed_has_no_balance(bench: Ship) -> None:
+    tree = bench.model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 60.0}
+    held = Ship.model_validate(tree)
+    hand = by_hand()
+    found = residuals(held, table(shaft_torque_N_m=TORQUE, thrust_N=100.0 + TIME))
+    assert list(found) == ["propeller", "thrust"]
+    assert found["thrust"] == pytest.approx(100.0 + TIME - hand["thrust"], abs=1e-9)
+    assert found["propeller"] == pytest.approx(
+        (0.01 + 0.003) * hand["spin"] + hand["load"] - TORQUE, abs=1e-9
+    )
+    assert list(residuals(held, table(thrust_N=TIME))) == ["thrust"]
+
+
 def test_units_stand_beside_the_names(bench: Ship) -> None:
     balances = Balances(
         JointReplay(bench, table(shaft_torque_N_m=TORQUE, thrust_N=TIME, motor_current_A=TIME))

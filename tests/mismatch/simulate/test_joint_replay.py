@@ -120,6 +120,17 @@ def test_demands_excite_where_they_move_a_twentieth_of_their_size(
     )
 
 
+def test_at_a_speed_that_is_held_the_ships_speed_excites(frigate: Ship) -> None:
+    tree = frigate.model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
+    held = Ship.model_validate(tree)
+    table = steady().assign(shaft_speed_rad_s=10.0, ship_speed_m_s=8.0)
+    assert not JointReplay(held, table).excited
+    slowing = table.assign(ship_speed_m_s=np.linspace(8.0, 6.0, 101))
+    assert JointReplay(held, slowing).excited
+    assert not JointReplay(frigate, slowing).excited
+
+
 def test_a_demand_that_moves_for_a_moment_does_not_excite(frigate: Ship) -> None:
     rows = np.arange(101)
     assert not JointReplay(frigate, steady(rack=np.where(rows < 2, 10.0, 20.0))).excited
@@ -139,6 +150,15 @@ def test_a_channel_without_noise_is_read_to_its_resolution(frigate: Ship) -> Non
     assert (again.measured["ship_speed_m_s"] == found.measured["ship_speed_m_s"]).all()
     for column in ("pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m"):
         assert (found.measured[column] == found.recorded[column]).all()
+
+
+def test_an_angle_is_read_to_a_share_of_its_largest_step(servo: Ship) -> None:
+    """However far it has counted: its derivative is then known as a speed would be."""
+    time = 0.01 * np.arange(400)
+    table = pd.DataFrame({"time_s": time, "motor_torque_N_m": 10.0})
+    found = JointReplay(servo, table.assign(shaft_angle_rad=1e4 + 50.0 * time))
+    added = found.measured["shaft_angle_rad"] - found.recorded["shaft_angle_rad"]
+    assert added.std() == pytest.approx(1e-5 * 0.5, rel=0.15)
 
 
 @pytest.mark.parametrize(("rms", "left_alone"), [(1.2e-5, True), (0.8e-5, False)])

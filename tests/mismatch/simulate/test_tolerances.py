@@ -21,7 +21,7 @@ from shaftline.plant.tolerances import Tolerances
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
 FOULING = Placed(next(e for e in catalogue() if e.id == "hull-fouling"), (0.04,))
-NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields]
+NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields if key != "numbers"]
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +49,28 @@ def test_a_resistance_that_is_little_known_is_not_called_fouling(draggy: pd.Data
     assert 0.05 * unsure.null.tolerances[0] == pytest.approx(0.04, abs=0.015)
 
 
+def test_a_drive_without_a_propeller_has_the_tolerances_of_a_drive(servo: Ship) -> None:
+    table = pd.DataFrame({"time_s": np.arange(50) * 0.01, "motor_torque_N_m": 10.0})
+    replay = JointReplay(servo, table.assign(shaft_speed_rad_s=1.0))
+    changed = [
+        {f for f in record.dtype.names if (record[f] != servo.record()[f]).any()}
+        for record, shift in tolerance_records(replay)
+        if not any(shift)
+    ]
+    assert changed == [{"inertia_engine_side"}, set()]  # and none behind a gauge
+
+
+def test_a_shaft_whose_speed_is_held_has_no_tolerance_of_its_own(frigate: Ship) -> None:
+    tree = frigate.model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
+    held = Ship.model_validate(tree)
+    replay = JointReplay(held, frigate_voyage(seconds=60.0))
+    found = list(tolerance_records(replay))
+    assert all(r["inertia_engine_side"] == held.record()["inertia_engine_side"] for r, _ in found)
+    assert all(shift[1] == 0.0 for _, shift in found)
+    assert any((r["inertia_propeller_side"] != 14411.0) for r, _ in found)
+
+
 def test_a_number_known_exactly_is_left_out(draggy: pd.DataFrame) -> None:
     usual, exact = fitter_of(draggy, {}), fitter_of(draggy, {"tolerances.resistance": 0.0})
     assert np.array_equal(exact.nuisance, usual.nuisance[1:])
@@ -71,7 +93,9 @@ def test_the_largest_tolerances_can_be_simulated(draggy: pd.DataFrame) -> None:
 
 def test_the_factor_multiplies_all_tolerances(draggy: pd.DataFrame) -> None:
     ship = load_ship("frigate")
-    doubled = {f"tolerances.{key}": 2.0 * value for key, value in ship.tolerances}
+    doubled = {
+        f"tolerances.{key}": 2.0 * value for key, value in ship.tolerances if key != "numbers"
+    }
     by_file = tolerance_records(JointReplay(ship.with_values(doubled), draggy))
     by_factor = tolerance_records(JointReplay(ship, draggy), 2.0)
     for (record, _), (other, _) in zip(by_file, by_factor, strict=True):
@@ -187,3 +211,25 @@ def test_thrust_is_moved_in_four_quadrants_too(draggy: pd.DataFrame) -> None:
 def test_the_corrected_ship_keeps_its_tolerances(draggy: pd.DataFrame) -> None:
     fitter = fitter_of(draggy, {"tolerances.resistance": 0.05})
     assert fitter.trial_ship.corrected((FOULING,)).tolerances == Tolerances(resistance=0.05)
+
+
+def test_thrust_is_moved_in_a_table_too(frigate: Ship) -> None:
+    only = {key: 0.0 for key in NUMBERS if key != "tolerances.thrust_curve"}
+    table = {
+        "advance_ratio": [0.0, 0.5, 1.2],
+        "thrust_coefficient": [0.5, 0.3, 0.0],
+        "torque_coefficient": [0.08, 0.05, 0.01],
+    }
+    ship = frigate.with_values(
+        {
+            "propeller.model": "table",
+            "propeller.pitch_ratio_min": 1.4,
+            "propeller.open_water": table,
+            "tolerances.thrust_curve": 0.1,
+        }
+        | only
+    )
+    record, _ = next(tolerance_records(JointReplay(ship, frigate_voyage(seconds=60.0))))
+    own = ship.record()
+    np.testing.assert_allclose(record["table_kt"], 1.1 * own["table_kt"], rtol=1e-12)
+    assert (record["table_kq"] == own["table_kq"]).all()

@@ -68,6 +68,18 @@ def test_torque_astern_is_a_fraction_and_has_no_jump() -> None:
     assert slope == pytest.approx(0.8 * CONSTANT)
 
 
+@pytest.mark.parametrize("current", [-2.0, 0.0, 3.0])
+def test_an_offset_adds_to_the_torque_and_not_to_the_current(current: float) -> None:
+    tug = load_ship("tito-neri-sine")
+    plant = tug.with_values({"prime_mover.torque_offset_N_m": -0.004}).record()
+    speed = 150.0
+    voltage = CONSTANT * speed + float(plant["armature_resistance"]) * current
+    plant["armature_inductance"] = 0.0
+    torque, found, _ = drive_motor(plant, speed, voltage, 0.0)
+    assert found == pytest.approx(current, abs=1e-12)
+    assert torque == pytest.approx(CONSTANT * current - 0.004, abs=1e-14)
+
+
 def test_a_motor_with_inductance_has_a_current_of_its_own() -> None:
     plant = tug(supply_limit_V=6.0).record()
     torque, current, rate = drive_motor(plant, 200.0, 9.0, 0.5)

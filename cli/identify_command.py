@@ -1,0 +1,101 @@
+"""``shaftline identify``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import mismatch
+from ..mismatch.identify.identification import PAGE, REPORT, SHIP
+from ..mismatch.identify.pipeline import DEFAULT, METHODS
+from ..plant import load_ship
+from .console import clear_errors, say, stages
+
+
+def identify(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Recordings (CSV or Parquet) of one condition of the ship, fitted together.",
+            metavar="RECORDING...",
+            show_default=False,
+        ),
+    ],
+    ship: Annotated[
+        str,
+        typer.Option(
+            help="The ship as you believe it to be: a preset (see `shaftline list`) or a .toml file.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder for the report and the identified ship.", show_default=False),
+    ],
+    free: Annotated[
+        str,
+        typer.Option(
+            help="Keys of the ship's file that may move, with commas between; or `auto`: those that "
+            "the recordings tell, or that the method usually finds."
+        ),
+    ] = "auto",
+    method: Annotated[
+        str, typer.Option(help=f"How: {', '.join(METHODS)}.", metavar="METHOD")
+    ] = DEFAULT,
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            help="Column map MAP.toml, for recordings with other names, units or signs.",
+            show_default=False,
+        ),
+    ] = None,
+    hold_out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Recording that is only judged on, never fitted; repeatable.",
+            show_default="a quarter of the longest recording, where the method can do without",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(min=0.0, help="Factor on how far the numbers that are not free may be off."),
+    ] = 1.0,
+) -> None:
+    """Find a ship's numbers from recordings, and how sure they are.
+
+    A file's numbers are never right to half a per cent, and a wrong number looks like missing
+    physics. So find the numbers first, then look for physics:
+
+        shaftline identify trial.csv --ship mine.toml --free auto --out out/numbers
+
+        shaftline diagnose other.csv --ship out/numbers/identified_ship.toml --out out/physics
+
+        shaftline train --ship out/physics/corrected_ship.toml ...
+
+    Written: `report.html` (read this), `report.json` (for programs), `identified_ship.toml` (the ship
+    with the numbers, and how well each is known under `[tolerances]`, so that `diagnose` knows it
+    too), and the tables of the method. Numbers that the recording does not tell, or of which it tells
+    only a ratio or a product, are refused by name: exit code 2, nothing written.
+
+    Steps of the demands over the whole range, for many of the ship's time constants, tell most.
+
+    Examples:
+        shaftline identify run1.csv run2.csv --hold-out run3.csv --ship mine.toml --out out/id
+            --free hull.resistance_coefficient_N_s2_m2,transmission.inertia_engine_side_kg_m2
+    """
+    with clear_errors():
+        if out.exists() and not out.is_dir():
+            raise ValueError(f"--out {out}: is a file; a folder is needed")
+        vessel = load_ship(ship)
+        keys = [key.strip() for key in free.split(",") if key.strip()]
+        with stages("identifying") as tick:
+            found = mismatch.identify(
+                vessel, *recordings, free="auto" if keys == ["auto"] else keys, method=method,
+                hold_out=hold_out or (), columns=columns, tolerance=tolerance, tick=tick,
+            )  # fmt: skip
+            tick("writing the report", 0, 1)
+            found.save(out)
+        say(found.summary())
+        say(f"\nreport: {out / PAGE}   data: {out / REPORT}   identified ship: {out / SHIP}")

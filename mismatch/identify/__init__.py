@@ -1,0 +1,1 @@
+"""The numbers of a ship's file from recordings, with their uncertainty."""

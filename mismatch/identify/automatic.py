@@ -1,0 +1,45 @@
+"""``--free auto``: of all that a ship's file may be wrong about, what these recordings tell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..judge.held_out import Segments, bands_of
+from ..search.fitting import Fitter
+from ..search.spectra import Likelihood
+from ..simulate.balances import Balances
+from .free import Free, doubtful
+from .identifiable import told_apart
+from .output_error import OutputError
+
+
+def told_by(balances: Balances, train: Segments) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Keys whose numbers the recordings tell apart, and why the other doubtful ones are left out.
+
+    Args:
+        balances: of ship and recordings.
+        train: the part that may be fitted.
+
+    Raises:
+        ValueError: the recordings tell no number.
+    """
+    ship = balances.replay.ship
+    free = Free(ship, doubtful(ship))
+    fitter = Fitter(balances, bands_of(balances, train), free=free.keys)
+    search = OutputError(fitter, free)
+    fit = fitter.scored(free.record(free.values))
+    columns = search.slopes(free.values, fit)
+    # as sure as the recordings would be of the numbers if these explained what they can
+    sizes = np.abs(np.array(free.values))[:, None, None]
+    everything = Likelihood(fitter.bands, np.concatenate([columns * sizes, fitter.nuisance]))
+    weight = everything(fit.difference).weight
+    information = fitter.likelihood.information(weight, columns)
+    count = len(free.keys)
+    # what the tolerances of the others take away
+    own, crossed = information[:count, :count], information[:count, count:]
+    own = own - crossed @ np.linalg.solve(information[count:, count:], crossed.T)
+    rest, left = told_apart(free.keys, free.values, own)
+    if not rest:
+        why = "; ".join(f"{key}: {reason}" for key, reason in left.items())
+        raise ValueError(f"these recordings tell no number of {ship.name}: {why}")
+    return tuple(free.keys[i] for i in rest), left

@@ -1,0 +1,328 @@
+"""A motor, a shaft and a propeller at bollard pull: the paper's six numbers and its linear model.
+
+Vrijdag & Martelli, "Parameter Identification of a Model Scale Ship Drive Train", 2021: all at the
+motor's shaft, deviations normalised by a working point. A ship's file holds inertia and friction at
+the propeller shaft; the gear ratio stands between the two.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...plant.propeller import propeller_load
+from ...plant.shaft import shaft_inertia
+from ...plant.ship import Ship
+
+INDUCTANCE = "prime_mover.armature_inductance_H"
+CONSTANT = "prime_mover.motor_constant_V_s_rad"
+RESISTANCE = "prime_mover.armature_resistance_ohm"
+INERTIA = "transmission.inertia_engine_side_kg_m2"
+FRICTION = "transmission.coulomb_friction_engine_side_N_m"
+LOAD = "propeller.torque_coefficient"
+
+SIX = (INDUCTANCE, CONSTANT, RESISTANCE, INERTIA, FRICTION, LOAD)
+"""Keys of the paper's six numbers, in the order of its Table 5."""
+
+
+@dataclass(frozen=True)
+class WorkingPoint:
+    """A steady state of the motor.
+
+    Args:
+        voltage: U_0 [V].
+        motor_speed: omega_0 [rad/s], of the motor.
+        current: i_0 [A].
+    """
+
+    voltage: float
+    motor_speed: float
+    current: float
+
+
+@dataclass(frozen=True)
+class DriveTrain:
+    """The numbers of eq. 7, at the motor's shaft.
+
+    Args:
+        inductance: L_a [H].
+        constant: K_e [V s/rad = N m/A].
+        resistance: R_a [ohm].
+        inertia: I_p [kg m2].
+        friction: M_f [N m].
+        load: propeller's torque at the motor by the motor's speed squared [N m s2/rad2]: c / omega^2
+            of eq. 24, times KQ / eta_R.
+        viscous: torque by speed [N m s/rad]; the paper has none.
+    """
+
+    inductance: float
+    constant: float
+    resistance: float
+    inertia: float
+    friction: float
+    load: float
+    viscous: float = 0.0
+
+    def equilibrium(self, voltage: float) -> WorkingPoint:
+        """Steady state ahead at a voltage [V] (eq. 22).
+
+        Raises:
+            ValueError: the voltage does not overcome the friction.
+        """
+        slope = self.constant**2 / self.resistance + self.viscous
+        start = self.constant * voltage / self.resistance - self.friction
+        if start <= 0.0:
+            raise ValueError(f"{voltage:g} V does not overcome a friction of {self.friction:g} N m")
+        speed = 2.0 * start / (slope + math.sqrt(slope**2 + 4.0 * self.load * start))
+        return self.at_speed(speed)
+
+    def at_speed(self, motor_speed: float) -> WorkingPoint:
+        """Steady state ahead at a motor speed [rad/s]."""
+        torque = self.friction + (self.viscous + self.load * motor_speed) * motor_speed
+        current = torque / self.constant
+        voltage = self.constant * motor_speed + self.resistance * current
+        return WorkingPoint(voltage, motor_speed, current)
+
+    def linear(self, point: WorkingPoint) -> LinearDrive:
+        """The normalised linear model about a point (eqs. 8 to 10).
+
+        Args:
+            point: of this drive train, or a measured one, which it meets in its equations but not in
+                its balance.
+        """
+        torque = self.constant * point.current
+        resistive = self.resistance * point.current
+        linear = self.viscous * point.motor_speed
+        quadratic = (
+            torque - self.friction - linear
+        )  # eta_trm K_e i_0, from the friction as in eq. 10
+        return LinearDrive(
+            electric_s=self.inductance / self.resistance,
+            mechanical_s=self.inertia * point.motor_speed / torque,
+            damping=(2.0 * quadratic + linear) / torque,
+            drive=point.voltage / resistive,
+            back=self.constant * point.motor_speed / resistive,
+        )
+
+
+@dataclass(frozen=True)
+class LinearDrive:
+    """Normalised linear drive train (eqs. 8 and 9).
+
+    Args:
+        electric_s: tau_em = L_a / R_a [s].
+        mechanical_s: tau_omega = I_p omega_0 / (K_e i_0) [s].
+        damping: 2 eta_trm [-]: relative change of the load's torque by that of the speed.
+        drive: U_0 / (R_a i_0) [-].
+        back: K_e omega_0 / (R_a i_0) [-].
+    """
+
+    electric_s: float
+    mechanical_s: float
+    damping: float
+    drive: float
+    back: float
+
+    @property
+    def effective_s(self) -> float:
+        """Effective mechanical time constant tau_omega,e [s] (eq. A26)."""
+        return self.mechanical_s / self.damping
+
+    @property
+    def c(self) -> float:
+        """Constant C [-] of the characteristic equation (eq. A32)."""
+        return 1.0 + self.back / self.damping
+
+    @property
+    def poles(self) -> tuple[complex, complex]:
+        """Exact poles s_1 (fast) and s_2 [rad/s] (eq. A31)."""
+        product, total = self.electric_s * self.effective_s, self.electric_s + self.effective_s
+        root = np.sqrt(complex(total**2 - 4.0 * product * self.c))
+        fast = -(total + root) / (2.0 * product)
+        return complex(fast), complex(self.c / (product * fast))
+
+    @property
+    def poles_approximate(self) -> tuple[float, float]:
+        """The same where the armature is much faster than the shaft (eqs. A33 and A34)."""
+        return -1.0 / self.electric_s, -self.c / self.effective_s
+
+    @property
+    def zero(self) -> float:
+        """Zero z_1 [rad/s] of the current's response (eq. A35)."""
+        return -1.0 / self.effective_s
+
+    @property
+    def speed_gain(self) -> float:
+        """Steady gain from voltage to speed, both relative [-] (eq. A36)."""
+        return self.drive / (self.damping + self.back)
+
+    @property
+    def current_gain(self) -> float:
+        """Steady gain from voltage to current, both relative [-] (eq. A37)."""
+        return self.damping * self.speed_gain
+
+    def speed_response(self, frequency: Any) -> NDArray[np.complex128]:
+        """Frequency response of the speed [-] (eq. 13) at frequencies [rad/s]."""
+        return np.asarray(self.drive / self.damping / self._characteristic(frequency))
+
+    def current_response(self, frequency: Any) -> NDArray[np.complex128]:
+        """Frequency response of the current [-] (eq. 12) at frequencies [rad/s]."""
+        s = 1j * np.asarray(frequency, dtype=np.float64)
+        return np.asarray(
+            (self.effective_s * s + 1.0) * self.drive / self._characteristic(frequency)
+        )
+
+    def _characteristic(self, frequency: Any) -> Any:
+        s = 1j * np.asarray(frequency, dtype=np.float64)
+        total = self.electric_s + self.effective_s
+        return self.electric_s * self.effective_s * s * s + total * s + self.c
+
+    def speed_step(self, time: Any) -> NDArray[np.float64]:
+        """Speed after a unit step of the voltage [-], at times [s] (eq. A38)."""
+        fast, slow = self.poles
+        t = np.asarray(time, dtype=np.float64)
+        rising = 1.0 + (fast * np.exp(slow * t) - slow * np.exp(fast * t)) / (slow - fast)
+        return np.asarray(self.speed_gain * rising.real)
+
+    def current_step(self, time: Any) -> NDArray[np.float64]:
+        """Current after a unit step of the voltage [-], at times [s] (eq. A44)."""
+        fast, slow = self.poles
+        t = np.asarray(time, dtype=np.float64)
+        peak = self.drive / self.electric_s  # K_BP = U_0 / (L_a i_0)
+        band = peak * ((np.exp(slow * t) - np.exp(fast * t)) / (slow - fast)).real
+        return np.asarray(self.damping * self.speed_step(t) + band)
+
+
+def from_poles(
+    fast: float,
+    slow: float,
+    zero: float,
+    speed_gain: float,
+    current_gain: float,
+    point: WorkingPoint,
+    viscous: float = 0.0,
+) -> DriveTrain:
+    """The six numbers from five of a Bode plot and the working point, in closed form.
+
+    The paper says of this "the procedure as outlined" and prints only its outcome, Table 5's column
+    IV; it follows from eqs. A26 and A32 to A37 with U_0 = K_e omega_0 + R_a i_0, the sixth equation.
+
+    Args:
+        fast: pole s_1 [rad/s], negative as the others.
+        slow: pole s_2 [rad/s].
+        zero: z_1 [rad/s].
+        speed_gain: steady relative gain [-] from voltage to speed.
+        current_gain: likewise to current.
+        point: about which they hold.
+        viscous: known viscous friction [N m s/rad], which no single point can tell from the rest.
+
+    Raises:
+        ValueError: a pole or zero that is not negative, a gain that is not positive.
+    """
+    if max(fast, slow, zero) >= 0.0 or min(speed_gain, current_gain) <= 0.0:
+        raise ValueError("a drive train has negative poles and zero, and positive steady gains")
+    damping = current_gain / speed_gain
+    c = slow / zero
+    resistive = point.voltage / (1.0 + (c - 1.0) * damping)
+    resistance = resistive / point.current
+    constant = (point.voltage - resistive) / point.motor_speed
+    torque = constant * point.current
+    linear = viscous * point.motor_speed
+    load = 0.5 * (damping * torque - linear)
+    return DriveTrain(
+        inductance=-resistance / fast,
+        constant=constant,
+        resistance=resistance,
+        inertia=-damping / zero * torque / point.motor_speed,
+        friction=torque - linear - load,
+        load=load / point.motor_speed**2,
+        viscous=viscous,
+    )
+
+
+def needs_drive_train(ship: Ship, method: str) -> None:
+    """Refuse a ship that is no direct-current motor with a propeller at bollard pull.
+
+    Raises:
+        ValueError: names what it is instead.
+    """
+    if not ship.has_voltage:
+        raise ValueError(
+            f"{method}: {ship.name} has no motor with a voltage, but {ship.prime_mover.type!r}"
+        )
+    if ship.moves:
+        raise ValueError(
+            f"{method}: {ship.name} moves; the drive train's model has hull.fixed = true"
+        )
+
+
+def torque_factor(ship: Ship) -> float:
+    """Torque at the propeller shaft [N m] by torque at the motor [N m]."""
+    return ship.transmission.gear_ratio * ship.transmission.efficiency
+
+
+def drive_train(ship: Ship) -> DriveTrain:
+    """The six numbers of a ship, carried to the motor's shaft.
+
+    Args:
+        ship: with a direct-current motor, its hull fixed.
+
+    Raises:
+        ValueError: another ship.
+    """
+    needs_drive_train(ship, "drive train")
+    line, plant = ship.transmission, ship.record()
+    ratio, factor = line.gear_ratio, torque_factor(ship)
+    own = propeller_load(
+        plant, 0.0, 1.0, ship.propeller.pitch_ratio_max, ship.propeller.depth_m, 0.0
+    )
+    load = own.torque / ship.propeller.relative_rotative_efficiency
+    friction = line.coulomb_friction_engine_side_N_m + line.coulomb_friction_propeller_side_N_m
+    viscous = (
+        line.viscous_friction_engine_side_N_m_s_rad + line.viscous_friction_propeller_side_N_m_s_rad
+    )
+    return DriveTrain(
+        inductance=ship.number(INDUCTANCE).value,
+        constant=ship.number(CONSTANT).value,
+        resistance=ship.number(RESISTANCE).value,
+        inertia=float(shaft_inertia(plant)) / factor / ratio,
+        friction=friction / factor,
+        load=float(load + line.quadratic_drag_N_m_s2_rad2) / factor / ratio**2,
+        viscous=viscous / factor / ratio,
+    )
+
+
+def keys_of(ship: Ship, train: DriveTrain) -> dict[str, float]:
+    """The numbers of a drive train as keys of a ship's file, at the propeller shaft.
+
+    Args:
+        ship: what stands in its file beside the six stays: inertia and friction behind the gauge,
+            eta_R, viscous friction.
+        train: the numbers at the motor.
+
+    Returns:
+        Values of :data:`SIX`; the last, KQ, only of a propeller that is given by its bollard torque.
+    """
+    now = drive_train(ship)
+    line, ratio, factor = ship.transmission, ship.transmission.gear_ratio, torque_factor(ship)
+    values = {
+        INDUCTANCE: train.inductance,
+        CONSTANT: train.constant,
+        RESISTANCE: train.resistance,
+        INERTIA: line.inertia_engine_side_kg_m2 + (train.inertia - now.inertia) * factor * ratio,
+        FRICTION: line.coulomb_friction_engine_side_N_m + (train.friction - now.friction) * factor,
+    }
+    if ship.propeller.model == "bollard":
+        none, unit = (drive_train(_with_coefficient(ship, value)).load for value in (0.0, 1.0))
+        values[LOAD] = (train.load - none) / (unit - none)
+    return values
+
+
+def _with_coefficient(ship: Ship, value: float) -> Ship:
+    """The same with another KQ [-]; whether its time step still fits does not matter here."""
+    propeller = ship.propeller.model_copy(update={"torque_coefficient": value})
+    return ship.model_copy(update={"propeller": propeller})

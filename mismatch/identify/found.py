@@ -1,0 +1,42 @@
+"""What every method of identification finds: values, and how sure they are together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Found:
+    """Numbers of a ship as one method finds them.
+
+    Args:
+        keys: dotted keys of the ship's file, n of them.
+        values: each in its key's unit.
+        covariance: of their errors, shape (n, n), in those units.
+        tables: what the method shows on the way, by file name without extension: states, frequency
+            responses, the search's steps.
+        remarks: what a reader must know of it, a sentence each.
+    """
+
+    keys: tuple[str, ...]
+    values: tuple[float, ...]
+    covariance: NDArray[np.float64]
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def standard_errors(self) -> NDArray[np.float64]:
+        """Of each number, in its key's unit."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def correlation(self) -> NDArray[np.float64]:
+        """Of the numbers' errors, shape (n, n)."""
+        scale = np.where(self.standard_errors > 0.0, self.standard_errors, 1.0)
+        own: Any = self.covariance / np.outer(scale, scale)
+        return np.asarray(own)

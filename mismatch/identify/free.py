@@ -1,0 +1,119 @@
+"""The numbers of a ship's file that an identification may move."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+from ...plant.keys import Number, Section, info_of
+from ...plant.ship import Ship
+from ...plant.ship_errors import ShipError
+from ...plant.tolerances import TOLERATED
+
+AUTO = "auto"
+"""In place of keys: those that the recording tells, of all that a ship's file may be wrong about."""
+
+
+class Free:
+    """Some numbers of a ship, and the ship at other values of them.
+
+    Args:
+        ship: nominal.
+        keys: dotted keys of its file.
+
+    Raises:
+        ValueError: a key that is no number of this ship, or one that is given twice; names it.
+    """
+
+    def __init__(self, ship: Ship, keys: Sequence[str]) -> None:
+        self.ship = ship
+        self.keys = tuple(keys)
+        if not self.keys:
+            raise ValueError("no number is free: name at least one key of the ship's file")
+        if twice := [key for i, key in enumerate(self.keys) if key in self.keys[:i]]:
+            raise ValueError(f"{twice[0]} is given twice")
+        self.numbers = tuple(number_of(ship, key) for key in self.keys)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """As the ship's file has them."""
+        return tuple(number.value for number in self.numbers)
+
+    def at(self, values: Sequence[float]) -> Ship:
+        """The ship with other values, validated like a file.
+
+        Raises:
+            ShipError: a value out of range.
+        """
+        return self.ship.with_values(dict(zip(self.keys, map(float, values), strict=True)))
+
+    def record(self, values: Sequence[float]) -> Any:
+        """Its record for the kernels."""
+        if not all(number.field for number in self.numbers):
+            return self.at(values).record()
+        plant = self.ship.record()
+        for number, value in zip(self.numbers, values, strict=True):
+            number.write(plant, value)
+        return plant
+
+    def towards(self, values: Sequence[float], wanted: Sequence[float]) -> list[float]:
+        """From values to others, but at most nine tenths of the way to a bound that is beyond."""
+        found = []
+        for number, here, there in zip(self.numbers, values, wanted, strict=True):
+            low, high = number.info.low, number.info.high
+            if there <= low:
+                there = low + 0.1 * (here - low)
+            elif there >= high:
+                there = high - 0.1 * (high - here)
+            found.append(float(there))
+        return found
+
+
+def number_of(ship: Ship, key: str) -> Number:
+    """A number of a ship's file; its ``field`` is empty where the record holds it in another form.
+
+    Raises:
+        ValueError: no such key, or one that is not a number.
+    """
+    try:
+        return ship.number(key)
+    except ShipError:
+        section, _, name = key.partition(".")
+        table = getattr(ship, section, None)
+        value = getattr(table, name, None)
+        if not isinstance(table, Section) or not isinstance(value, float):
+            known = ", ".join(k for k in _numbers(ship) if k.startswith(f"{section}."))
+            raise ValueError(
+                f"{ship.name}: {key} is no number of this ship that can be free"
+                + (f"; of [{section}]: {known}" if known else "")
+            ) from None
+        return Number(key, value, info_of(type(table).model_fields[name]), "")
+
+
+@functools.lru_cache(maxsize=32)
+def _numbers(ship: Ship) -> tuple[str, ...]:
+    """Dotted keys of every number that stands in the ship's file."""
+    found = []
+    for section in type(ship).model_fields:
+        table = getattr(ship, section)
+        if isinstance(table, Section) and section != "tolerances":
+            found += [
+                f"{section}.{key}"
+                for key in type(table).model_fields
+                if isinstance(getattr(table, key), float)
+            ]
+    return tuple(found)
+
+
+def doubtful(ship: Ship) -> list[str]:
+    """Keys that a ship's file may be wrong about: those that have a tolerance, and effects in force."""
+    found = []
+    for key in _numbers(ship):
+        number = number_of(ship, key)
+        in_force = number.info.neutral is not None and number.value != number.info.neutral
+        section, _, name = key.partition(".")
+        stated = name in getattr(ship, section).model_fields_set
+        if stated and (in_force or (key in TOLERATED and number.value != 0.0)):
+            found.append(key)
+    return found

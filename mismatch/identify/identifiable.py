@@ -1,0 +1,93 @@
+"""Which numbers a recording tells apart: by the information that it holds of them together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+ALIKE = 1e-4
+"""Smallest eigenvalue of the scaled information below which numbers cannot be told from each other; of
+two numbers, a correlation of 0.9999."""
+
+TELLING = 0.1
+"""Relative standard error above which a number is not found but guessed at."""
+
+
+def one_direction(information: NDArray[np.float64]) -> tuple[float, list[int]]:
+    """The combination of numbers that is known worst.
+
+    Args:
+        information: Fisher information, shape (n, n).
+
+    Returns:
+        Its eigenvalue after each number was scaled to 1, and the numbers that it is made of.
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    made_of = [int(i) for i in np.flatnonzero(np.abs(vectors[:, 0]) > 0.2)]
+    return float(values[0]), made_of
+
+
+def refuse_unidentifiable(keys: Sequence[str], information: NDArray[np.float64]) -> None:
+    """Refuse numbers that no length of such a recording would tell.
+
+    Args:
+        keys: of the numbers.
+        information: of them, and of anything else after them.
+
+    Raises:
+        ValueError: a number that acts on nothing measured, or several of which only a ratio, product
+            or sum matters; names them.
+    """
+    own = information[: len(keys), : len(keys)]
+    for key, told in zip(keys, np.diag(own), strict=True):
+        if not told > 0.0:
+            raise ValueError(f"{key} cannot be found: it moves nothing that is measured here")
+    value, made_of = one_direction(own)
+    if value < ALIKE:
+        names = [keys[i] for i in made_of]
+        raise ValueError(
+            f"{' and '.join(names)} cannot be found together: the recording tells only a combination "
+            "of them (their ratio, product or sum); leave one of them as it is"
+        )
+
+
+def told_apart(
+    keys: Sequence[str], values: Sequence[float], information: NDArray[np.float64]
+) -> tuple[list[int], dict[str, str]]:
+    """The largest part of some numbers that a recording tells well, by dropping the worst told.
+
+    Args:
+        keys: of the numbers.
+        values: of each; the one is told well whose standard error is below :data:`TELLING` of it.
+        information: Fisher information, shape (n, n).
+
+    Returns:
+        Indices of those that remain, and why each of the others does not.
+    """
+    left: dict[str, str] = {}
+    rest = []
+    for i, key in enumerate(keys):
+        if information[i, i] > 0.0:
+            rest.append(i)
+        else:
+            left[key] = "it moves nothing that is measured here"
+    while rest:
+        own = information[np.ix_(rest, rest)]
+        eigenvalue, made_of = one_direction(own)
+        sizes = np.abs([values[i] for i in rest])
+        alone = 1.0 / np.sqrt(np.diag(own)) / sizes
+        if eigenvalue < ALIKE:
+            worst = max(made_of, key=lambda i: alone[i])
+            others = [keys[rest[i]] for i in made_of if i != worst]
+            why = f"only its combination with {' and '.join(others)} is told"
+        else:
+            errors = np.sqrt(np.diag(np.linalg.inv(own))) / sizes
+            worst = int(np.argmax(errors))
+            if errors[worst] <= TELLING:
+                break
+            why = f"its standard error would be {100.0 * errors[worst]:.2g} % of it"
+        left[keys[rest.pop(worst)]] = why
+    return rest, left

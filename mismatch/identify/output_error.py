@@ -1,0 +1,216 @@
+"""Output error: the numbers at which the ship's own simulation comes nearest to the recording.
+
+The measure is the diagnosis's: recording and open-loop simulation are compared balance by balance under
+noise of unknown colour (:mod:`..search.spectra`), so no instrument needs a weight, and the numbers that
+are not free move inside their tolerances. Minimised by Gauss-Newton steps, each a generalised least
+squares problem (Vrijdag & Martelli 2021, eqs. 16-17, with the residual's own covariance as the weight).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..judge.whiteness import Whiteness
+from ..progress import Tick, silent
+from ..search.fitting import Fit, Fitter
+from ..search.spectra import Likelihood
+from .found import Found
+from .free import Free
+from .identifiable import refuse_unidentifiable
+
+MOST_STEPS = 40
+SETTLED = 0.02
+"""Gain in 2 log L below which the search ends."""
+
+UNTOLD = 1.0
+"""Standard error, as a share of a number, from which on it was not found."""
+
+REACH = 1.0
+"""Standard deviation that a step is given beforehand, as a share of the number: it damps the step where
+the recording says little, and draws to nothing, being about the last value."""
+
+
+class OutputError:
+    """The search for some numbers on one fitter.
+
+    Args:
+        fitter: of the recordings, with these numbers free.
+        free: the numbers.
+        tick: told how far the search is.
+    """
+
+    def __init__(self, fitter: Fitter, free: Free, tick: Tick = silent) -> None:
+        self.fitter = fitter
+        self.free = free
+        self.tick = tick
+        self.steps: list[dict[str, float]] = []
+        self._sizes = [abs(v) * 1e-3 for v in free.values]
+
+    def scored(self, values: Sequence[float]) -> Fit:
+        """What the recording says of some values."""
+        return self.fitter.scored(self.free.record(values))
+
+    def columns(self, values: Sequence[float], fit: Fit) -> Any:
+        """Derivative of the simulation by each number, shape (numbers, balances, frequencies).
+
+        Over steps of about one standard error, as the likelihood of ``fit`` has it, so that a bend or
+        a corner inside the interval is felt.
+        """
+        here = self.fitter.predicted(self.free.record(values))
+        found = []
+        for i, size in enumerate(self._sizes):
+            column, size = self._column(values, here, i, size, fit)
+            found.append(column)
+            self._sizes[i] = size
+        return np.array(found)
+
+    def slopes(self, values: Sequence[float], fit: Fit) -> Any:
+        """The same over steps so small that nothing bends: what tells a ratio from two numbers."""
+        here = self.fitter.predicted(self.free.record(values))
+        found = self.columns(values, fit)
+        for i, value in enumerate(values):
+            moved = [*values]
+            moved[i] += 1e-5 * value
+            column = self.fitter.predicted(self.free.record(moved)) - here
+            if (
+                np.isfinite(column).all() and column.any()
+            ):  # else it has a dead zone here, or is at 0
+                found[i] = column / (1e-5 * value)
+        return found
+
+    def _column(
+        self, values: Sequence[float], here: Any, i: int, size: float, fit: Fit
+    ) -> tuple[Any, float]:
+        number = self.free.numbers[i]
+        size = size or 1e-9
+        for _ in range(40):
+            step = size if values[i] + size < number.info.high else -size
+            moved = [*values]
+            moved[i] += step
+            column = (self.fitter.predicted(self.free.record(moved)) - here) / step
+            if not np.isfinite(column).all():
+                size *= 0.1
+                continue
+            told = float(self.fitter.likelihood.information(fit.weight, column[None])[0, 0])
+            error = told**-0.5 if told > 0.0 else math.inf
+            most = 0.1 * abs(values[i]) or math.inf
+            if size >= 0.01 * min(error, most):
+                return column, float(np.clip(error, 1e-5 * abs(values[i]), most))
+            size = min(max(10.0 * size, 0.1 * min(error, 1e3 * size)), most)
+        return column, size
+
+    def search(self) -> tuple[list[float], Fit]:
+        """The numbers at which 2 log L is highest, from the ship's own on, and what is left there."""
+        values = list(self.free.values)
+        fit = self.scored(values)
+        self._note(values, fit)
+        for count in range(MOST_STEPS):
+            self.tick("searching the numbers", count, MOST_STEPS)
+            columns = self.columns(values, fit)
+            if count == 0:
+                refuse_unidentifiable(
+                    self.free.keys, self._information(fit, self.slopes(values, fit))
+                )
+            step = self._step(values, fit, columns)
+            share, better = 1.0, None
+            while share > 1e-3:
+                trial = self.free.towards(values, list(np.asarray(values) + share * step))
+                found = self.scored(trial)
+                if found.score > fit.score:
+                    better = (trial, found)
+                    break
+                share *= 0.3
+            if better is None:
+                break
+            gain = better[1].score - fit.score
+            values, fit = better
+            self._note(values, fit)
+            if gain < SETTLED:
+                break
+        self.tick("searching the numbers", MOST_STEPS, MOST_STEPS)
+        return values, fit
+
+    def _step(self, values: Sequence[float], fit: Fit, columns: Any) -> NDArray[np.float64]:
+        """The Gauss-Newton step, the covariance of what is left after it being its weight."""
+        reach = np.array(
+            [REACH * abs(v) or 1e3 * s for v, s in zip(values, self._sizes, strict=True)]
+        )
+        regressors = np.concatenate([columns * reach[:, None, None], self.fitter.nuisance])
+        start = np.concatenate([np.zeros(len(reach)), fit.tolerances])
+        found = Likelihood(self.fitter.bands, regressors)(fit.difference, start)
+        return np.asarray(found.shares[: len(reach)] * reach)
+
+    def _information(self, fit: Fit, columns: Any) -> NDArray[np.float64]:
+        """Of the numbers and the tolerances together.
+
+        A band's covariance is estimated from what is left itself. From n frequencies and for m
+        balances its inverse comes out too large by n / (n - m) on average (a complex Wishart
+        variable; Brillinger 1981, section 4.2), and weighing with an estimate costs as much again.
+        """
+        bands, balances = self.fitter.bands, fit.weight.shape[1]
+        counts = np.add.reduceat(bands.weights, bands.edges[:-1])
+        sure = (np.maximum(counts - balances, 1.0) / counts) ** 2
+        return self.fitter.likelihood.information(fit.weight * sure[:, None, None], columns)
+
+    def covariance(self, values: Sequence[float], fit: Fit) -> NDArray[np.float64]:
+        """Of the numbers' errors, the tolerances of the others included, shape (n, n)."""
+        columns = self.columns(values, fit)  # twice: the steps are then those of this place
+        information = self._information(fit, self.columns(values, fit))
+        count = len(columns)
+        scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+        inverse = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
+        return np.asarray((inverse / np.outer(scale, scale))[:count, :count])
+
+    def _note(self, values: Sequence[float], fit: Fit) -> None:
+        self.steps.append(
+            {"2logL": fit.score} | dict(zip(self.free.keys, map(float, values), strict=True))
+        )
+
+
+def output_error(fitter: Fitter, free: Free, tick: Tick = silent) -> Found:
+    """Numbers by output error.
+
+    Args:
+        fitter: of the recordings, with these numbers free.
+        free: the numbers.
+        tick: told how far the search is.
+
+    Raises:
+        ValueError: numbers of which the recording only tells a ratio or a product, or one that it does
+            not tell at all; names them.
+    """
+    search = OutputError(fitter, free, tick)
+    values, fit = search.search()
+    covariance = search.covariance(values, fit)
+    colour = Whiteness(fitter, fitter.balances.replay.noise_rms).colour(fit)
+    remarks: tuple[str, ...] = ()
+    if colour is not None:
+        name = fitter.balances.names[colour.balance]
+        remarks = (
+            f"what is left in the {name} balance is not noise: {colour.ratio:.3g} times the "
+            f"instruments' power at {colour.low_Hz:.3g} to {colour.high_Hz:.3g} Hz; some physics is "
+            "missing, and the numbers may have taken its place",
+        )
+    _refuse_untold(free.keys, values, covariance)
+    return Found(
+        free.keys, tuple(values), covariance, {"search": pd.DataFrame(search.steps)}, remarks
+    )
+
+
+def _refuse_untold(
+    keys: Sequence[str], values: Sequence[float], covariance: NDArray[np.float64]
+) -> None:
+    """Refuse a number of which the recording says next to nothing."""
+    errors = np.sqrt(np.diag(covariance))
+    for key, value, error in zip(keys, values, errors, strict=True):
+        if abs(value) > 0.0 and error > abs(value) * UNTOLD:
+            raise ValueError(
+                f"{key} cannot be found: the recording does not excite it (found {value:.4g}, standard "
+                f"error {error:.2g})"
+            )

@@ -1,0 +1,209 @@
+"""Identify a ship's numbers from recordings: set data aside, find, and judge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from ...plant.ship import Ship
+from ..estimate import Estimate
+from ..judge.fit import fits
+from ..judge.held_out import Segments, bands_of, set_aside
+from ..progress import Tick, silent
+from ..recordings.joint import JointRecordings, Recorded, load_jointly
+from ..search.fitting import Fitter
+from ..simulate.balances import Balances
+from ..simulate.joint_replay import JointReplay
+from .augmented import ekf
+from .automatic import told_by
+from .found import Found
+from .free import AUTO, Free
+from .identification import Identification
+from .output_error import output_error
+from .sine import sine
+from .steady import steady
+from .step import step
+from .welch import welch
+
+DEFAULT = "output-error"
+
+
+def identify(
+    ship: Ship,
+    *recordings: Recorded,
+    free: Sequence[str] | str = AUTO,
+    method: str = DEFAULT,
+    hold_out: Sequence[Recorded] = (),
+    columns: Path | None = None,
+    tolerance: float = 1.0,
+    tick: Tick = silent,
+) -> Identification:
+    """Find numbers of a ship from recordings of one condition of it.
+
+    Args:
+        ship: the nominal ship.
+        recordings: to be fitted, together; as of :func:`shaftline.mismatch.diagnose`.
+        free: dotted keys of the numbers to find, or ``auto`` for those that the recordings tell.
+        method: one of :data:`METHODS`.
+        hold_out: recordings to judge on; without any, a quarter of the longest is set aside where the
+            method can do with the rest.
+        columns: column map of the files, or none.
+        tolerance: factor on how far the numbers that are not free may be off.
+        tick: told the stage, how much is done, and how much there is.
+
+    Returns:
+        The numbers, with ``summary()``, ``to_dict()`` and ``save(folder)``.
+
+    Raises:
+        RecordingError: a recording or the column map cannot be used; names file, column and row.
+        ValueError: an unknown method or key, numbers that the recordings do not tell or do not tell
+            apart, or recordings that do not fit the method; names what it is.
+        ShipError: a ship that cannot be simulated.
+    """
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}")
+    if not isinstance(free, str):
+        Free(ship, free)  # refused before anything is read
+    elif free != AUTO:
+        raise ValueError(f"free = {free!r}: a list of keys is needed, or {AUTO!r}")
+    together = load_jointly(ship, recordings, hold_out, columns, tick)
+    with threadpool_limits(1, "blas"):
+        balances = Balances(JointReplay(ship, *together.tables))
+        parts = METHODS[method].cut or together.held_out
+        train, held = (
+            set_aside(balances.replay, together.held_out)[0]
+            if parts
+            else (balances.replay.segments, [])
+        )
+        left_out: dict[str, str] = {}
+        keys = None if isinstance(free, str) else tuple(free)
+        if keys is None and METHODS[method].cut:
+            tick("which numbers are told", 0, 1)
+            keys, left_out = told_by(balances, train)
+        fitted = together.tables[: len(together.tables) - together.held_out]
+        work = Work(balances, fitted, train, tolerance, tick)
+        found = METHODS[method].find(work, keys)
+        tick("judging", 0, 1)
+        identification = _judged(method, balances, found, held, together, left_out)
+        tick("judging", 1, 1)
+        return identification
+
+
+class Work(NamedTuple):
+    """What a method may look at."""
+
+    balances: Balances
+    tables: tuple[pd.DataFrame, ...]  # not those that are set aside
+    train: Segments  # the rows that may be fitted
+    tolerance: float
+    tick: Tick
+
+
+class Method(NamedTuple):
+    """A method of identification."""
+
+    find: Callable[[Work, tuple[str, ...] | None], Found]  # by keys, or those that it usually finds
+    words: str  # what it needs and does, in a line
+    cut: bool = False  # whether it can do with a part of a recording
+
+
+def _by_output_error(work: Work, keys: tuple[str, ...] | None) -> Found:
+    free = Free(work.balances.replay.ship, keys or ())
+    bands = bands_of(work.balances, work.train)
+    fitter = Fitter(work.balances, bands, work.tolerance, free.keys)
+    return output_error(fitter, free, work.tick)
+
+
+def _by_filter(work: Work, keys: tuple[str, ...] | None) -> Found:
+    """The rows that may be fitted, cut out as recordings of their own."""
+    replay = work.balances.replay
+    tables = [
+        run.table.iloc[max(a, first) - first : min(b, last) - first].reset_index(drop=True)
+        for a, b in sorted(work.train)
+        for run, (first, last) in zip(replay.runs, replay.segments, strict=True)
+        if max(a, first) < min(b, last)
+    ]
+    return ekf(replay.ship, tables, keys or (), work.tick, tolerance=work.tolerance)
+
+
+def _whole(method: Callable[..., Found]) -> Callable[[Work, tuple[str, ...] | None], Found]:
+    """A method that looks at whole recordings."""
+
+    def find(work: Work, keys: tuple[str, ...] | None) -> Found:
+        return method(work.balances.replay.ship, list(work.tables), keys, work.tick)
+
+    return find
+
+
+METHODS: dict[str, Method] = {
+    "output-error": Method(
+        _by_output_error,
+        "any recording: the simulation itself, under noise of any colour",
+        cut=True,
+    ),
+    "ekf": Method(
+        _by_filter,
+        "any recording of white noises: states and numbers together, row by row",
+        cut=True,
+    ),
+    "steady": Method(_whole(steady), "plateaus: least squares on steady states"),
+    "step": Method(_whole(step), "one step of a motor's voltage: inertia and inductance"),
+    "sine": Method(_whole(sine), "sines of a motor's voltage: frequency response by correlation"),
+    "welch": Method(_whole(welch), "noise on a motor's voltage: frequency response and coherence"),
+}
+"""By name, the default first."""
+
+
+def _judged(
+    method: str,
+    balances: Balances,
+    found: Found,
+    held: Segments,
+    together: JointRecordings,
+    left_out: dict[str, str],
+) -> Identification:
+    """What a method found, as a ship, beside the nominal one on what was set aside."""
+    replay = balances.replay
+    ship = replay.ship
+    free = Free(ship, found.keys)
+    identified = _known_as(free.at(found.values), found)
+    after = replay.simulated(replay.simulate(identified.record()))
+    rows = np.concatenate([np.arange(a, b) for a, b in held or replay.segments])
+    interval = replay.interval_s
+    return Identification(
+        method=method,
+        ship=ship,
+        identified=identified,
+        estimates=tuple(
+            Estimate(n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e))
+            for n, v, e in zip(free.numbers, found.values, found.standard_errors, strict=True)
+        ),
+        correlation=found.correlation,
+        left_out=left_out,
+        tables=found.tables,
+        time_s=replay.time_s,
+        held_out=[(a * interval, b * interval) for a, b in held],
+        measured=replay.recorded,
+        before=balances.nominal,
+        after=after,
+        fit_before=fits(replay.recorded, balances.nominal, rows),
+        fit_after=fits(replay.recorded, after, rows),
+        limits=list(together.limits),
+        warnings=[*together.warnings, *found.remarks],
+    )
+
+
+def _known_as(ship: Ship, found: Found) -> Ship:
+    """The ship that says of each number that was found how well it is known."""
+    numbers = dict(ship.tolerances.numbers)
+    for key, error in zip(found.keys, found.standard_errors, strict=True):
+        if ship.has_key(
+            key
+        ):  # else the record holds it in another form, and nothing is known of it
+            numbers[key] = float(error)
+    return ship.with_values({"tolerances.numbers": numbers})

@@ -1,0 +1,229 @@
+"""Least squares on steady states (Vrijdag & Martelli 2021, method 1, part 1; eqs. 22 to 28).
+
+In a steady state every rate of the plant's equations is 0. What is left of them at the measured
+speeds and currents is linear in frictions, constants and coefficients, and least squares over several
+states finds those. The equations are the plant's own, so the method serves every rig whose states are
+measured:
+
+    shaft    torque of the drive less that of the load       [N m], at the prime mover
+    motor    U - K_e omega - R_a i, where i is measured      [V]
+    hull     thrust less resistance, where the hull moves    [N]
+
+Without the motor's current its voltage tells torque in units of K_e / R_a only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...plant.columns import TIME, drive_column
+from ...plant.dynamics import evaluate, settled
+from ...plant.shaft import shaft_inertia
+from ...plant.ship import Ship
+from ...plant.state import Inputs, State
+from ..progress import Tick, silent
+from .drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, torque_factor
+from .found import Found
+from .freed import Freed, freed, refuse_indistinct
+from .plateaus import plateaus
+
+METHOD = "steady"
+DEFAULT = (FRICTION, CONSTANT, RESISTANCE, LOAD)
+"""The paper's four, in the order of eq. 23."""
+
+CURRENT = "motor_current_A"
+ROUNDS = 20
+
+
+def steady(
+    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    tick: Tick = silent,
+) -> Found:  # fmt: skip
+    """Numbers of a ship by least squares on its steady states.
+
+    Args:
+        ship: start of the search, and the numbers that are not free.
+        tables: recordings in canonical columns at an even interval, whose plateaus are found; or tables
+            of points, a row each, without ``time_s``. Needed: the demand on the drive,
+            ``shaft_speed_rad_s``, and ``ship_speed_m_s`` where the hull moves; a motor's
+            ``motor_current_A`` gives the second balance.
+        free: dotted keys; the paper's M_f, K_e, R_a and KQ by default.
+        tick: told how far it is.
+
+    Returns:
+        Values with the covariance that the residuals show: each balance has a variance of its own,
+        which is that of its residuals over what is left of its equations when the numbers are found.
+        Tables: ``steady-states`` with what each balance lacks, ``fit`` with its rms.
+
+    Raises:
+        ValueError: a column is missing, no steady states or too few, or numbers that they do not tell
+            apart.
+    """
+    chosen = freed(ship, free, DEFAULT)
+    points = steady_states(ship, tables)
+    tick(METHOD, 1, 2)
+    _refuse_currentless(chosen, points)
+    values, covariance = solve(chosen, points)
+    tick(METHOD, 2, 2)
+    found = chosen.on(values)
+    left = pd.DataFrame(balances(found, points))
+    shown = pd.concat([points.reset_index(drop=True), left], axis=1)
+    fit = pd.DataFrame({"balance": left.columns, "rms": np.sqrt((left**2).mean()).to_numpy()})
+    remark = (
+        f"{len(points)} steady states, {left.size} equations for {len(values)} numbers; standard errors "
+        "from what the balances lack"
+    )
+    return Found(
+        chosen.keys, tuple(map(float, values)), covariance,
+        {"steady-states": shown, "fit": fit}, (remark,),
+    )  # fmt: skip
+
+
+def steady_states(ship: Ship, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
+    """Steady states as a table of points: the plateaus of recordings, the rows of tables of points.
+
+    Raises:
+        ValueError: a column that is missing, or no steady state.
+    """
+    needed = [drive_column(ship), "shaft_speed_rad_s"]
+    if ship.moves:
+        needed.append("ship_speed_m_s")
+    rows: list[dict[str, Any]] = []
+    for table in tables:
+        if lacking := [column for column in needed if column not in table]:
+            raise ValueError(f"{METHOD}: {ship.name} needs {lacking[0]}, which a recording lacks")
+        known = [c for c in (*needed, CURRENT, "pitch_ratio") if c in table]
+        if TIME in table:
+            rows += [plateau.means for plateau in plateaus(ship, table)]
+        else:
+            rows += table[known].to_dict("records")
+    if not rows:
+        raise ValueError(
+            f"{METHOD}: no steady state; it needs demands that are held until the shaft has settled "
+            "at its speed"
+        )
+    points = pd.DataFrame(rows)
+    if points.isna().to_numpy().any():
+        column = points.columns[points.isna().to_numpy().any(axis=0)][0]
+        raise ValueError(f"{METHOD}: {column} is in some of the recordings and not in others")
+    return points
+
+
+def balances(ship: Ship, points: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
+    """What each balance lacks at measured points, by the plant's equations; each of shape (points,).
+
+    Args:
+        ship: the ship.
+        points: demand and states, of :func:`steady_states`.
+
+    Returns:
+        ``shaft`` [N m] at the prime mover, ``motor`` [V] where the current is measured, ``hull`` [N]
+        where the hull moves. Positive: torque, voltage or force is left over.
+    """
+    plant = ship.record()
+    wired = ship.has_voltage and CURRENT in points
+    if wired:
+        plant["armature_inductance"] = 1.0  # so that the current's rate [A/s] is a voltage [V]
+    turned = float(shaft_inertia(plant)) / torque_factor(ship)
+    lacking: dict[str, list[float]] = {"shaft": []}
+    for point in points.to_dict("records"):
+        blade = float(point.get("pitch_ratio", ship.propeller.pitch_ratio_max))
+        inputs = Inputs(float(point[drive_column(ship)]), blade)
+        bare = State(
+            blade, float(point["shaft_speed_rad_s"]), float(point.get("ship_speed_m_s", 0.0))
+        )
+        state = settled(plant, bare, inputs)
+        if wired:
+            state = state._replace(motor_current=float(point[CURRENT]))
+        rate, _ = evaluate(plant, state, inputs, blade, False)
+        lacking["shaft"].append(float(rate.shaft_speed) * turned)
+        if wired:
+            lacking.setdefault("motor", []).append(float(rate.motor_current))
+        if ship.moves:
+            force = float(rate.ship_speed) * float(plant["mass"])
+            lacking.setdefault("hull", []).append(force)
+    return {name: np.array(values) for name, values in lacking.items()}
+
+
+def solve(chosen: Freed, points: pd.DataFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unweighted least squares over all balances: values and their covariance.
+
+    Gauss-Newton with differences; one round where the balances are linear in the numbers.
+
+    Raises:
+        ValueError: fewer equations than numbers and one more, or numbers that the states do not tell
+            apart.
+    """
+
+    def residual(values: Any) -> NDArray[np.float64]:
+        return np.concatenate(list(balances(chosen.on(values), points).values()))
+
+    values = chosen.start.copy()
+    low, high = (np.array([getattr(i, end) for i in chosen.infos]) for end in ("low", "high"))
+    rows = residual(values)
+    if len(rows) <= len(values):
+        raise ValueError(
+            f"{METHOD}: {len(points)} steady state(s) give {len(rows)} equations for {len(values)} "
+            "numbers; more demands must be held"
+        )
+    for _ in range(ROUNDS):
+        slopes = jacobian(residual, values, chosen.scale, low, high)
+        refuse_indistinct(chosen.keys, slopes * chosen.scale, METHOD)
+        step, *_ = np.linalg.lstsq(slopes * chosen.scale, -rows, rcond=None)
+        following = np.clip(values + step * chosen.scale, *_inside(low, high))
+        done = np.max(np.abs(following - values) / chosen.scale) < 1e-10
+        values, rows = following, residual(following)
+        if done:
+            break
+    names = balances(chosen.on(values), points)
+    return values, _covariance(slopes, rows, [len(part) for part in names.values()])
+
+
+def jacobian(
+    function: Any, values: NDArray[np.float64], scale: Any, low: Any, high: Any
+) -> NDArray[np.float64]:
+    """Central differences, within bounds; shape (rows, n)."""
+    columns = []
+    for i in range(len(values)):
+        up, down = values.copy(), values.copy()
+        up[i] = min(values[i] + 1e-3 * scale[i], high[i])
+        down[i] = max(values[i] - 1e-3 * scale[i], low[i])
+        columns.append((function(up) - function(down)) / (up[i] - down[i]))
+    return np.column_stack(columns)
+
+
+def _inside(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[Any, Any]:
+    """Bounds that are themselves allowed, whichever kind they are."""
+    return np.where(low == 0.0, 1e-12, low), high
+
+
+def _covariance(
+    slopes: NDArray[np.float64], rows: NDArray[np.float64], lengths: list[int]
+) -> NDArray[np.float64]:
+    """Of unweighted least squares whose balances have variances of their own (a sandwich)."""
+    scale = np.linalg.norm(slopes, axis=0)
+    inverse = np.linalg.inv(slopes.T @ slopes / np.outer(scale, scale)) / np.outer(scale, scale)
+    spend = 1.0 - slopes.shape[1] / len(rows)  # share of the equations that is left for the noise
+    ends = np.cumsum(lengths)
+    variance = np.concatenate(
+        [
+            np.full(n, np.mean(rows[e - n : e] ** 2) / spend)
+            for n, e in zip(lengths, ends, strict=True)
+        ]
+    )
+    return np.asarray(inverse @ (slopes.T * variance) @ slopes @ inverse)
+
+
+def _refuse_currentless(chosen: Freed, points: pd.DataFrame) -> None:
+    if CURRENT in points:
+        return
+    if named := [key for key in (RESISTANCE, CONSTANT) if key in chosen]:
+        raise ValueError(
+            f"{METHOD}: {named[0]} needs {CURRENT}; without it a voltage tells torque in units of "
+            "K_e / R_a only, and both must be known"
+        )

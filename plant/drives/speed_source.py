@@ -1,0 +1,45 @@
+"""Drive whose speed a rig holds, or that was measured: the shaft turns as told, whatever that takes."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from ...core.compiled import Real, Record, compiled
+from ..keys import number
+from ..shaft import shaft_inertia
+from ..signals import Signal
+from .prime_mover import PrimeMover, fill_two_way
+
+
+class SpeedSource(PrimeMover):
+    """Drive that holds the propeller shaft at the speed that it is told; its torque is not modelled."""
+
+    type: Literal["speed-command"]
+
+    code: ClassVar[int] = 3
+    balance: ClassVar[str] = ""
+    holds_speed: ClassVar[bool] = True
+    demand: ClassVar[Signal] = Signal(
+        "shaft_speed", "omega", "rad/s", -1e3, 1e3, "demand", "shaft_speed_rad_s",
+        "speed at which the propeller shaft is held",
+    )  # fmt: skip
+    derived: ClassVar[tuple[tuple[Any, ...], ...]] = (("speed_held", np.int64),)
+
+    speed_max_rad_s: float = number(
+        "highest speed of the propeller shaft, either way", "rad/s", record="drive_max",
+        gt=0, le=1e3,
+    )  # fmt: skip
+
+    def fill(self, record: Any) -> None:
+        """Its numbers; speeds go either way, and have no rack."""
+        super().fill(record)
+        fill_two_way(record)
+        record["speed_held"] = 1
+
+
+@compiled
+def holding_torque(plant: Record, load_torque: Real, shaft_acceleration: Real) -> Real:
+    """Torque [N m] on the shaft that carries its load [N m] and accelerates it as told [rad/s2]."""
+    return load_torque + shaft_inertia(plant) * shaft_acceleration

@@ -1,0 +1,112 @@
+"""Whole identifications: what is set aside, what is refused, what the next step knows of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.mismatch import Identification, diagnose, identify
+from shaftline.plant import Ship, load_ship
+
+from ..voyages import bench_tug, frigate_voyage, tug_run
+
+RESISTANCE = "hull.resistance_coefficient_N_s2_m2"
+INERTIA = "transmission.inertia_engine_side_kg_m2"
+TRUTH = {RESISTANCE: 3306.2 * 1.12, INERTIA: 53697.0 * 0.85}
+SECONDS = 300.0
+
+
+@pytest.fixture(scope="module")
+def voyage() -> pd.DataFrame:
+    return frigate_voyage(TRUTH, seed=6, seconds=SECONDS)
+
+
+@pytest.fixture(scope="module")
+def found(voyage: pd.DataFrame) -> Identification:
+    return identify(load_ship("frigate"), voyage, free=list(TRUTH))
+
+
+def test_numbers_and_fit(found: Identification) -> None:
+    for key, value in found.parameters.items():
+        assert value == pytest.approx(TRUTH[key], rel=0.02)
+    ((start, end),) = found.held_out
+    assert end - start == pytest.approx(0.25 * SECONDS, abs=0.5)
+    for column in ("shaft_speed_rad_s", "ship_speed_m_s"):
+        assert found.fit_after[column] > found.fit_before[column] + 1.0
+    assert found.identified.number(RESISTANCE).value == found.parameters[RESISTANCE]
+    assert not found.warnings
+
+
+def test_the_identified_ship_knows_how_well_it_is_known(found: Identification) -> None:
+    for estimate in found.estimates:
+        assert found.identified.tolerances.numbers[estimate.key] == estimate.standard_error
+    tug = identify(bench_tug(), tug_run(), free=["propeller.torque_coefficient"])
+    (estimate,) = tug.estimates
+    assert tug.identified.tolerances.numbers[estimate.key] == estimate.standard_error
+
+
+def test_what_was_a_wrong_number_is_then_no_missing_physics(found: Identification) -> None:
+    other = frigate_voyage(TRUTH, seed=9, seconds=SECONDS)
+    assert diagnose(load_ship("frigate"), other).verdict != "nothing-missing"
+    assert diagnose(found.identified, other).verdict == "nothing-missing"
+
+
+def test_a_whole_recording_may_be_set_aside(voyage: pd.DataFrame) -> None:
+    other = frigate_voyage(TRUTH, seed=7, seconds=100.0)
+    found = identify(load_ship("frigate"), voyage, free=[RESISTANCE], hold_out=[other])
+    assert found.held_out == [pytest.approx((SECONDS + 0.2, SECONDS + 100.4))]
+
+
+def test_numbers_wrong_in_the_rest_of_the_file_widen_the_intervals(voyage: pd.DataFrame) -> None:
+    frigate = load_ship("frigate")
+    sure, unsure = (
+        identify(frigate, voyage, free=[RESISTANCE], tolerance=t).estimates[0].standard_error
+        for t in (1.0, 5.0)
+    )
+    assert unsure > 1.5 * sure
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"method": "guess"}, "unknown method 'guess'; known: output-error"),
+        ({"free": "everything"}, "free = 'everything': a list of keys is needed, or 'auto'"),
+        ({"free": ["hull.mas"]}, r"hull\.mas is no number"),
+        ({"free": []}, "no number is free"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_read(
+    frigate: Ship, options: dict[str, object], words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        identify(frigate, Path("nowhere.csv"), **options)  # type: ignore[arg-type]
+
+
+def test_it_is_saved_as_page_data_and_ship(found: Identification, tmp_path: Path) -> None:
+    found.save(tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "identified_ship.toml", "report.html", "report.json", "search.csv",
+    ]  # fmt: skip
+    assert load_ship(tmp_path / "identified_ship.toml") == found.identified
+    report = json.loads((tmp_path / "report.json").read_text())
+    own = report["parameters"][INERTIA]
+    assert own["ci95"] == pytest.approx(
+        [own["value"] - 1.96 * own["se"], own["value"] + 1.96 * own["se"]]
+    )
+    assert report["fit"]["held_out"]["after"] == pytest.approx(found.fit_after)
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("<svg") >= 5
+    assert "transmission.<wbr>inertia" in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_the_summary_tells_numbers_and_doubts(found: Identification) -> None:
+    said = found.summary()
+    assert f"{found.parameters[INERTIA]:.5g}" in said
+    assert "strongest correlation: hull.resistance" in said
+    assert "set aside before anything was fitted" in said
+    assert np.allclose(np.diag(found.correlation), 1.0)

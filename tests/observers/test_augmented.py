@@ -1,0 +1,191 @@
+"""The augmented filter on models of its own: matrices by hand, and the falling body."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from shaftline.observers.augmented import AugmentedKalman, correct, propagate
+
+RNG = np.random.default_rng(3)
+
+
+def some_covariance(n: int) -> Any:
+    root = RNG.normal(size=(n, n))
+    return root @ root.T
+
+
+def test_covariance_is_carried_by_phi_and_the_process_noise() -> None:
+    n, states, dt = 5, 3, 0.1
+    f = np.zeros((n, n))
+    f[:states] = RNG.normal(size=(states, n))
+    process = RNG.uniform(0.1, 1.0, n)
+    p = some_covariance(n)
+    phi = np.eye(n) + f * dt + 0.5 * (f * dt) @ (f * dt)
+    expected = phi @ p @ phi.T + np.diag(process) * dt
+    propagate(p, f, states, process, dt, np.zeros((2, n, n)))
+    np.testing.assert_allclose(p, expected, rtol=1e-12)
+    np.testing.assert_array_equal(p, p.T)
+
+
+def test_one_measurement_corrects_as_the_gain_says() -> None:
+    n, noise, innovation = 4, 0.3, 1.7
+    p, z, slope = some_covariance(n), RNG.normal(size=n), RNG.normal(size=n)
+    total = slope @ p @ slope + noise
+    gain = p @ slope / total
+    left = np.eye(n) - np.outer(gain, slope)
+    expected = left @ p @ left.T + noise * np.outer(gain, gain)
+    moved = z + gain * innovation
+    assert correct(z, p, slope, innovation, noise, np.zeros((3, n))) == pytest.approx(total)
+    np.testing.assert_allclose(z, moved, rtol=1e-12)
+    np.testing.assert_allclose(p, expected, rtol=1e-11, atol=1e-13)
+    np.testing.assert_array_equal(p, p.T)
+
+
+def spring(x: Any, theta: Any, u: Any) -> Any:
+    """A mass on a spring of unknown damping and with an unknown gain of its input."""
+    return np.array([x[1], -4.0 * x[0] - theta[0] * x[1] + theta[1] * u])
+
+
+def both(x: Any, theta: Any, u: Any) -> Any:
+    return np.array([x[0], x[1] + 0.5 * theta[1]])
+
+
+def test_two_measurements_at_once_are_taken_in_as_the_matrices_say() -> None:
+    p = some_covariance(4)
+    filter_ = AugmentedKalman(
+        spring, both, [0.3, -0.2], [0.5, 2.0], covariance=p.copy(), noise=[0.1, 0.4]
+    )
+    h = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.5]])
+    s = h @ p @ h.T + np.diag([0.1, 0.4])
+    gain = p @ h.T @ np.linalg.inv(s)
+    errors = np.array([1.0, 2.0]) - h @ filter_.z
+    expected = filter_.z + gain @ errors
+    found = filter_.update([1.0, 2.0])
+    np.testing.assert_allclose(filter_.z, expected, rtol=1e-12)
+    np.testing.assert_allclose(filter_.p, (np.eye(4) - gain @ h) @ p, rtol=1e-10, atol=1e-12)
+    whitened = np.linalg.solve(np.linalg.cholesky(s), errors)
+    np.testing.assert_allclose(found, whitened, rtol=1e-10)
+
+
+def test_prediction_follows_the_model_and_its_exact_slopes() -> None:
+    """A linear model: P over a second by the matrix exponential."""
+    p = np.diag([0.1, 0.2, 0.01, 0.04])
+    filter_ = AugmentedKalman(spring, both, [1.0, 0.0], [0.5, 2.0], covariance=p, noise=[1.0, 1.0])
+    filter_.predict(0.0, 1.0, steps=200)
+    a = np.array([[0.0, 1.0], [-4.0, -0.5]])
+    np.testing.assert_allclose(filter_.state, expm(a) @ [1.0, 0.0], rtol=1e-7)
+    np.testing.assert_array_equal(filter_.numbers, [0.5, 2.0])
+    np.testing.assert_allclose(filter_.p[:2, :2][0, 1], filter_.p[1, 0], rtol=1e-14)
+    # of the states alone: what a spread of the numbers adds is tested by the falling body
+    alone = AugmentedKalman(
+        spring, both, [1.0, 0.0], [0.5, 2.0], covariance=[0.1, 0.2, 0.0, 0.0], noise=[1.0, 1.0]
+    )
+    alone.predict(0.0, 1.0, steps=200)
+    expected = expm(a) @ np.diag([0.1, 0.2]) @ expm(a).T
+    np.testing.assert_allclose(alone.p[:2, :2], expected, atol=1e-5)
+
+
+def test_process_noise_adds_its_density_times_time() -> None:
+    filter_ = AugmentedKalman(
+        lambda x, theta, u: 0.0 * x, lambda x, theta, u: x, [0.0], [1.0],
+        covariance=[0.0, 0.0], noise=[1.0], process=[0.5, 0.02],
+    )  # fmt: skip
+    filter_.predict(None, 4.0, steps=3)
+    np.testing.assert_allclose(filter_.standard_errors, np.sqrt([2.0, 0.08]), rtol=1e-12)
+
+
+def test_a_missing_measurement_changes_nothing() -> None:
+    filter_ = AugmentedKalman(
+        spring, both, [1.0, 0.0], [0.5, 2.0], covariance=[0.1, 0.2, 0.01, 0.04], noise=[1.0, 1.0]
+    )
+    before = filter_.z.copy(), filter_.p.copy()
+    assert np.isnan(filter_.update([math.nan, math.nan])).all()
+    np.testing.assert_array_equal(filter_.z, before[0])
+    np.testing.assert_array_equal(filter_.p, before[1])
+    assert np.isfinite(filter_.update([math.nan, 1.0])).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        (
+            {"covariance": np.eye(3)},
+            r"covariance: shape \(2, 2\) or \(2,\) is needed, not \(3, 3\)",
+        ),
+        ({"noise": [0.0]}, "noise: every variance must be positive"),
+        ({"process": -1.0}, "no variance may be negative"),
+    ],
+)
+def test_a_filter_that_cannot_be_is_refused(wrong: dict[str, Any], why: str) -> None:
+    settings: dict[str, Any] = {"covariance": [1.0, 1.0], "noise": [1.0]}
+    with pytest.raises(ValueError, match=why):
+        AugmentedKalman(lambda x, t, u: x, lambda x, t, u: x, [0.0], [0.0], **(settings | wrong))
+
+
+SEA_LEVEL, SCALE_HEIGHT, GRAVITY = 3.4e-3, 22e3, 32.2  # lb s2/ft4, ft, ft/s2
+
+
+def falling(x: Any, theta: Any, u: Any) -> Any:
+    """A body that falls through an exponential atmosphere; Gelb 1974, example 6.1-2."""
+    drag = SEA_LEVEL * np.exp(-x[0] / SCALE_HEIGHT) * x[1] ** 2 / (2.0 * theta[0])
+    return np.array([x[1], drag - GRAVITY])
+
+
+def height(x: Any, theta: Any, u: Any) -> Any:
+    return x[:1]
+
+
+def fallen(truth: float, seed: int, dt: float = 0.1, noise: float = 10.0) -> NDArray[np.float64]:
+    """Rows of time, true height, error of the velocity, estimate of beta and its standard error."""
+    rng = np.random.default_rng(seed)
+    body = AugmentedKalman(
+        falling, height, [1e5 + 100.0, -6000.0 + 350.0], [truth], covariance=[0.0] * 3, noise=[1.0]
+    )
+    own = AugmentedKalman(
+        falling, height, [1e5, -6000.0], [2500.0], covariance=[500.0, 2e4, 2.5e5], noise=[100.0]
+    )
+    rows = []
+    for k in range(1, round(16.0 / dt) + 1):
+        body.predict(None, dt)
+        own.predict(None, dt)
+        own.update(body.z[0] + noise * rng.standard_normal())
+        rows.append([k * dt, body.z[0], own.z[1] - body.z[1], own.z[2], own.standard_errors[2]])
+    return np.array(rows)
+
+
+def story(rows: NDArray[np.float64], truth: float, unchanged_above_ft: float) -> list[float]:
+    """Error of the velocity from 2 s on, and errors of beta: high up, at 12 s, from 14 s on."""
+    time, body_height, velocity, beta, _ = rows.T
+    early = np.abs(beta[body_height > unchanged_above_ft] / 2500.0 - 1.0).max()
+    late = np.abs(beta / truth - 1.0)
+    return [
+        np.abs(velocity[time > 1.99]).max(), early, late[np.argmax(time > 11.99)],
+        late[time > 13.99].max(),
+    ]  # fmt: skip
+
+
+LIMITS = (5.0, 0.02, 0.10, 0.05)
+
+
+@pytest.mark.parametrize("truth", [3000.0, 2000.0])
+def test_falling_body_shows_its_drag_in_dense_air_only(truth: float) -> None:
+    """The story of thesis Figure A-2: velocity at once, beta where there is air."""
+    clean = fallen(truth, 0, dt=0.05, noise=0.0)
+    assert np.all(np.array(story(clean, truth, 65e3)) < LIMITS)
+    noisy = [story(fallen(truth, seed), truth, 70e3) for seed in range(20)]
+    assert np.all(np.median(noisy, axis=0) < LIMITS)
+    assert clean[0, 4] == pytest.approx(500.0, rel=1e-3)
+    assert clean[-1, 4] < 0.02 * truth
+
+
+def test_what_the_falling_body_does_not_know_is_told_rightly() -> None:
+    """Final errors of beta over the filter's own standard errors, seed by seed."""
+    ends = np.array([fallen(3000.0, seed)[-1, 3:] for seed in range(8)])
+    scores = (ends[:, 0] - 3000.0) / ends[:, 1]
+    assert 0.4 < np.sqrt(np.mean(scores**2)) < 1.8
