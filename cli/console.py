@@ -6,7 +6,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import pandas as pd
 import typer
@@ -27,6 +28,35 @@ class Backend(StrEnum):
 
     PROCESSES = "processes"
     DASK = "dask"
+
+
+BelievedShip = Annotated[
+    str,
+    typer.Option(
+        help="The ship as you believe it to be: a preset (see `shaftline list`) or a .toml file.",
+        show_default=False,
+    ),
+]
+"""``--ship`` of the commands that hold a ship against recordings."""
+
+ColumnMap = Annotated[
+    Path | None,
+    typer.Option(
+        help="Column map MAP.toml, for recordings with other names, units or signs.",
+        show_default=False,
+    ),
+]
+"""``--columns`` of the same."""
+
+
+def check_folder(out: Path) -> None:
+    """Refuse a folder for results that is a file.
+
+    Raises:
+        ValueError: names it.
+    """
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"--out {out}: is a file; a folder is needed")
 
 
 def say(text: str) -> None:

@@ -14,7 +14,16 @@ from ..mismatch.diagnosis import PAGE, REPORT, SHIP
 from ..mismatch.folder import recordings_in
 from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE
 from ..plant import Ship, load_ship
-from .console import Backend, clear_errors, progress, say, stages
+from .console import (
+    Backend,
+    BelievedShip,
+    ColumnMap,
+    check_folder,
+    clear_errors,
+    progress,
+    say,
+    stages,
+)
 
 
 def diagnose(
@@ -27,23 +36,11 @@ def diagnose(
             show_default=False,
         ),
     ],
-    ship: Annotated[
-        str,
-        typer.Option(
-            help="The ship as you believe it to be: a preset (see `shaftline list`) or a .toml file.",
-            show_default=False,
-        ),
-    ],
+    ship: BelievedShip,
     out: Annotated[
         Path, typer.Option(help="Folder for the report and the corrected ship.", show_default=False)
     ],
-    columns: Annotated[
-        Path | None,
-        typer.Option(
-            help="Column map MAP.toml, for recordings with other names, units or signs.",
-            show_default=False,
-        ),
-    ] = None,
+    columns: ColumnMap = None,
     hold_out: Annotated[
         list[Path] | None,
         typer.Option(
@@ -119,8 +116,7 @@ def diagnose(
         shaftline diagnose trials/ --ship frigate --out out/trials --jobs 8
     """
     with clear_errors():
-        if out.exists() and not out.is_dir():
-            raise ValueError(f"--out {out}: is a file; a folder is needed")
+        check_folder(out)
         vessel = load_ship(ship)
         options = Options(columns, tuple(exclude or ()), tolerance)
         options.check(vessel)

@@ -11,7 +11,7 @@ from .. import mismatch
 from ..mismatch.identify.identification import PAGE, REPORT, SHIP
 from ..mismatch.identify.pipeline import DEFAULT, METHODS
 from ..plant import load_ship
-from .console import clear_errors, say, stages
+from .console import BelievedShip, ColumnMap, check_folder, clear_errors, say, stages
 
 
 def identify(
@@ -23,13 +23,7 @@ def identify(
             show_default=False,
         ),
     ],
-    ship: Annotated[
-        str,
-        typer.Option(
-            help="The ship as you believe it to be: a preset (see `shaftline list`) or a .toml file.",
-            show_default=False,
-        ),
-    ],
+    ship: BelievedShip,
     out: Annotated[
         Path,
         typer.Option(help="Folder for the report and the identified ship.", show_default=False),
@@ -44,13 +38,7 @@ def identify(
     method: Annotated[
         str, typer.Option(help=f"How: {', '.join(METHODS)}.", metavar="METHOD")
     ] = DEFAULT,
-    columns: Annotated[
-        Path | None,
-        typer.Option(
-            help="Column map MAP.toml, for recordings with other names, units or signs.",
-            show_default=False,
-        ),
-    ] = None,
+    columns: ColumnMap = None,
     hold_out: Annotated[
         list[Path] | None,
         typer.Option(
@@ -86,8 +74,7 @@ def identify(
             --free hull.resistance_coefficient_N_s2_m2,transmission.inertia_engine_side_kg_m2
     """
     with clear_errors():
-        if out.exists() and not out.is_dir():
-            raise ValueError(f"--out {out}: is a file; a folder is needed")
+        check_folder(out)
         vessel = load_ship(ship)
         keys = [key.strip() for key in free.split(",") if key.strip()]
         with stages("identifying") as tick:

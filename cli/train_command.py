@@ -14,7 +14,7 @@ from ..agents import load_policy
 from ..envs import DEFAULTS, get_task, tasks
 from ..observers import get_observer
 from ..plant import load_ship
-from .console import clear_errors, print_table, say, stages
+from .console import check_folder, clear_errors, print_table, say, stages
 
 _CURVE = {
     "steps": "steps", "reward": "reward", "fuel_kg_nmi": "fuel [kg/nmi]",
@@ -113,8 +113,7 @@ def train(
             **{key: value for key, value in sizes.items() if value is not None},
         )  # fmt: skip
         folder = out or Path("out/train") / f"{task}-{algorithm}-{seed}"
-        if folder.exists() and not folder.is_dir():
-            raise ValueError(f"--out {folder}: is a file; a folder is needed")
+        check_folder(folder)
         _check_device(device)
         before = _legs(folder)
         if before:

@@ -164,7 +164,9 @@ class ShipFilter:
                 f"{replaced[0]} cannot be found where inflow_velocity_m_s is measured: the inflow is "
                 "then the measured one"
             )
-        plant, begin = model.plant[0], replay.first_inputs(model.plant[0])
+        plant = model.plant[0]
+        inflow = replay.inflow(plant)
+        begin = replay.first_inputs(inflow)
         first = settled(plant, replay.first_state(), begin)
         _, outputs = evaluate(plant, first, begin, first.pitch_ratio, False)
         memory = np.zeros(1, MEMORY)
@@ -177,8 +179,7 @@ class ShipFilter:
         readings = np.column_stack([table[c].to_numpy(dtype=np.float64) for c in self.columns])
         readings = np.ascontiguousarray(readings[:rows])
         course = Course(
-            replay.drive, replay.pitch, replay.inflow(plant), replay.elevation, replay.per_row,
-            replay.dt,
+            replay.drive, replay.pitch, inflow, replay.elevation, replay.per_row, replay.dt,
         )  # fmt: skip
         shape = (len(readings), len(self.z))
         estimates, variances = np.empty(shape), np.empty(shape)

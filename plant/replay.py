@@ -166,10 +166,10 @@ class Replay:
         bare = State(*map(float, self.start if start is None else start))
         return bare._replace(shaft_angle=self.start_angle)
 
-    def first_inputs(self, plant: Any) -> Inputs:
-        """What acts at the first row."""
+    def first_inputs(self, inflow: NDArray[np.float64]) -> Inputs:
+        """What acts at the first row, under an :meth:`inflow`."""
         return Inputs(
-            float(self.drive[0]), float(self.pitch[0]), float(self.inflow_rows(plant)[0]),
+            float(self.drive[0]), float(self.pitch[0]), float(inflow[0]),
             elevation=float(self.elevation[0]),
         )  # fmt: skip
 
@@ -185,7 +185,7 @@ class Replay:
         """
         inflow = self.inflow(plant)
         state = np.zeros(1, STATE)
-        state[0] = tuple(settled(plant, self.first_state(start), self.first_inputs(plant)))
+        state[0] = tuple(settled(plant, self.first_state(start), self.first_inputs(inflow)))
         trajectory(
             plant, state[0], np.zeros(1, MEMORY)[0], calm() if sea is None else sea.copy(),
             self.drive, self.pitch, inflow, self.elevation,

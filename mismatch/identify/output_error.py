@@ -73,16 +73,16 @@ class OutputError:
     def slopes(self, values: Sequence[float], fit: Fit) -> Any:
         """The same over steps so small that nothing bends: what tells a ratio from two numbers."""
         here = self.fitter.predicted(self.free.record(values))
-        found = self.columns(values, fit)
+        found = []
         for i, value in enumerate(values):
             moved = [*values]
             moved[i] += 1e-5 * value
             column = self.fitter.predicted(self.free.record(moved)) - here
-            if (
-                np.isfinite(column).all() and column.any()
-            ):  # else it has a dead zone here, or is at 0
-                found[i] = column / (1e-5 * value)
-        return found
+            if np.isfinite(column).all() and column.any():
+                found.append(column / (1e-5 * value))
+            else:  # it has a dead zone here, or is at 0
+                found.append(self._column(values, here, i, self._sizes[i], fit)[0])
+        return np.array(found)
 
     def _column(
         self, values: Sequence[float], here: Any, i: int, size: float, fit: Fit
