@@ -33,8 +33,9 @@ class Sensors(Section):
         0.0, "delay of the torque signal", "s", record="torque_sensor_delay", ge=0, le=6
     )
     speed_log_lag_s: float = effect(
-        0.0, "first-order lag of the speed log", "s", record="speed_log_lag", ge=0, le=600
-    )
+        0.0, "first-order lag of the speed log", "s", record="speed_log_lag", needs="moves",
+        ge=0, le=600,
+    )  # fmt: skip
 
 
 MEMORY = np.dtype(
