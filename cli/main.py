@@ -11,6 +11,7 @@ from . import (
     evaluate_command,
     identify_command,
     list_command,
+    new_ship_command,
     prove_command,
     reproduce_command,
     simulate_command,
@@ -28,6 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("tour")(tour_command.tour)
+app.command("new-ship")(new_ship_command.new_ship)
 app.command("simulate")(simulate_command.simulate)
 app.command("reproduce")(reproduce_command.reproduce)
 app.command("train")(train_command.train)

@@ -10,6 +10,8 @@ from .keys import INF, Section, effect, number
 class PitchActuator(Section):
     """Hydraulic pitch mechanism, first order."""
 
+    needs = "has_variable_pitch"
+
     time_constant_s: float = number(
         "tau_p", "s", record="pitch_time_constant", ge=0.05, le=100, default=2.0
     )

@@ -38,8 +38,9 @@ class Hull(Section):
         0.0, "added share of the resistance", record="hull_fouling", needs="moves", ge=-0.5, le=3
     )
     current_m_s: float = effect(
-        0.0, "current along the track, positive from astern", "m/s", record="current", ge=-5, le=5
-    )
+        0.0, "current along the track, positive from astern", "m/s", record="current",
+        needs="meets_water", ge=-5, le=5,
+    )  # fmt: skip
     wake_slope_s_m: float = effect(
         0.0, "change of wake fraction with speed", "s/m", record="wake_slope",
         needs="has_propeller", ge=-0.2, le=0.2,

@@ -19,6 +19,10 @@ LACKING = {
     "has_propeller": "has no propeller",
     "moves": "has a hull that is fixed",
     "turns_freely": "has a shaft whose speed is held",
+    "meets_water": "has neither a propeller nor a hull that moves",
+    "has_variable_pitch": "has a fixed pitch",
+    "has_diesel": "has no diesel",
+    "has_voltage": "has no motor under a voltage",
     "has_constant_coefficients": "has a propeller whose KT and KQ follow J",
 }
 """What a number may need of its ship, by the ship's property, and how a ship is called without it."""

@@ -36,8 +36,9 @@ class Sensors(Section):
         0.0, "delay of the shaft speed's signal", "s", record="speed_sensor_delay", ge=0, le=6
     )
     speed_log_lag_s: float = effect(
-        0.0, "first-order lag of the speed log", "s", record="speed_log_lag", ge=0, le=600
-    )
+        0.0, "first-order lag of the speed log", "s", record="speed_log_lag", needs="moves",
+        ge=0, le=600,
+    )  # fmt: skip
 
     @property
     def delays(self) -> dict[str, float]:

@@ -153,6 +153,11 @@ class Ship(Section):
         return self.propeller.model != "none"
 
     @property
+    def meets_water(self) -> bool:
+        """Whether water acts on it: on its propeller, or on a hull that moves."""
+        return self.has_propeller or self.moves
+
+    @property
     def has_constant_coefficients(self) -> bool:
         """Whether its propeller's KT and KQ are two numbers, as at bollard pull."""
         return self.propeller.model == "bollard"

@@ -65,12 +65,11 @@ class Tolerances(Section):
         return hash((*self.model_dump(exclude={"numbers"}).values(), *self.numbers.items()))
 
 
-def _spoken_of(info: FieldInfo) -> list[str]:
+def spoken_of(info: FieldInfo) -> list[str]:
+    """Dotted keys of the numbers of which a tolerance speaks."""
     extra: Any = info.json_schema_extra
     return list(extra["of"]) if extra else []
 
 
-TOLERATED = {
-    key: name for name, info in Tolerances.model_fields.items() for key in _spoken_of(info)
-}
+TOLERATED = {key: name for name, info in Tolerances.model_fields.items() for key in spoken_of(info)}
 """Name of the tolerance that speaks of a number, by its dotted key."""

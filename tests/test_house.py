@@ -111,6 +111,7 @@ def test_the_wheel_holds_only_the_package(tmp_path: Path) -> None:
     for data in (
         "plant/ships/frigate.toml",
         "plant/seas.toml",
+        "plant/templates/drive-with-load.toml",
         "plant/data/b_series_polynomials.csv",
         "envs/tasks.toml",
         "mismatch/search/catalogue.toml",

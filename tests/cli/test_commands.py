@@ -39,7 +39,16 @@ def recording(folder: Path, **changes: tuple[int, object]) -> Path:
 
 @pytest.mark.parametrize(
     "command",
-    [(), ("tour",), ("simulate",), ("reproduce",), ("diagnose",), ("prove",), ("list",)],
+    [
+        (),
+        ("tour",),
+        ("simulate",),
+        ("reproduce",),
+        ("diagnose",),
+        ("prove",),
+        ("list",),
+        ("new-ship",),
+    ],
 )
 def test_help_teaches(shaftline: Command, command: tuple[str, ...]) -> None:
     result = shaftline(*command, "--help")
@@ -180,3 +189,34 @@ def test_reference_page_is_up_to_date(shaftline: Command, tmp_path: Path) -> Non
     shaftline("list", "--markdown", tmp_path / "reference.md")
     page = Path(__file__).parents[2] / "docs" / "reference.md"
     assert page.read_text() == (tmp_path / "reference.md").read_text(), "run `make docs`"
+
+
+def test_a_new_ship_is_printed_or_written(shaftline: Command, tmp_path: Path) -> None:
+    printed = shaftline("new-ship", "--template", "drive-with-load")
+    assert printed.exit_code == 0
+    assert 'name = "drive-with-load"' in printed.output
+    out = tmp_path / "servo.toml"
+    result = shaftline("new-ship", "--template", "drive-with-load", "--out", str(out))
+    assert result.exit_code == 0
+    assert load_ship(out).name == "servo"
+    before = out.read_text()
+    again = shaftline("new-ship", "--template", "electric-fixed-pitch", "--out", str(out))
+    assert again.exit_code == 2
+    assert "is there already; nothing was written" in again.output
+    assert out.read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "out", "words"),
+    [
+        ("yacht", "y.toml", "unknown template 'yacht'; known: constant-revolutions, diesel"),
+        ("drive-with-load", "y.txt", "a ship's file ends in .toml"),
+    ],
+)
+def test_a_new_ship_that_cannot_be_made_is_named(
+    shaftline: Command, tmp_path: Path, name: str, out: str, words: str
+) -> None:
+    result = shaftline("new-ship", "--template", name, "--out", str(tmp_path / out))
+    assert result.exit_code == 2
+    assert words in result.output
+    assert not list(tmp_path.iterdir())

@@ -191,7 +191,6 @@ def test_a_drive_without_a_propeller_is_offered_nothing_of_one(servo: Ship) -> N
         "torque-sensor-bias (sensor)",
         "torque-sensor-gain (sensor)",
         "torque-sensor-delay (sensor)",
-        "speed-log-lag (sensor)",
         "coulomb-friction (motor)",
         "viscous-friction (motor)",
         "quadratic-drag (motor)",
