@@ -45,6 +45,7 @@ results: $(INSTALLED)
 	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
 	$(BIN)/python -m shaftline.studies.tito_neri.effects --out docs/results
+	$(BIN)/python -m shaftline.studies.tito_neri.rig_page --out docs/results
 	@# recordings are their owners' and stay outside; SHAFTLINE_DATA is the folder that holds them
 	if [ -d "$(SHAFTLINE_DATA)/recordings/rov_thruster" ]; then \
 	    $(BIN)/python -m shaftline.studies.rov_thruster --out docs/results \

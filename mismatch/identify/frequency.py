@@ -106,6 +106,25 @@ def held(frequency: Any, interval_s: float) -> Complex:
     return np.where(small, 1.0, -np.expm1(-turn) / np.where(small, 1.0, turn))
 
 
+def blurred(values: NDArray[np.float64], interval_s: float, frequency: Any) -> NDArray[np.float64]:
+    """Share [-] of a response that a channel may lack which takes new values now and then.
+
+    An encoder tells the mean speed between two flanks and holds it until the next, which is (sin x /
+    x)^2 with x half the frequency times the time between new values. Whether a channel does both, or
+    only holds, its values do not say; what it may lack is therefore an error and no correction.
+
+    Args:
+        values: of the channel, shape (n,).
+        interval_s: of the recording [s].
+        frequency: [rad/s].
+    """
+    changes = int(np.count_nonzero(np.diff(values)))
+    every = len(values) / max(changes, 1) * interval_s
+    half = np.asarray(frequency, dtype=np.float64) * every / 2.0
+    lacking = 1.0 - np.sinc(np.minimum(half, np.pi) / np.pi) ** 2
+    return lacking if every > 1.5 * interval_s else 0.0 * lacking
+
+
 def point_of(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
     """The measured working point as one of the plant, whether its balances close there or not."""
     plant, means = ship.record(), measured.means

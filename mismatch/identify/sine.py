@@ -27,6 +27,7 @@ from .freed import freed
 from .frequency import (
     OUTPUTS,
     FrequencyResponse,
+    blurred,
     channels_of,
     held,
     interval_of,
@@ -243,7 +244,8 @@ def _correlated(
         means[column] = level
         response[column] = np.atleast_1d(answer * unit)
         scatter = _scatter(channels[column][begin : one.end], whole, periods, period)
-        error[column] = np.atleast_1d(scatter * abs(unit))
+        lacking = blurred(channels[column][begin : one.end], interval_s, one.frequency)
+        error[column] = np.hypot(scatter * abs(unit), lacking * np.abs(response[column]))
     return FrequencyResponse(
         mean, means, np.array([one.frequency]), response, error, interval_s, {}
     )

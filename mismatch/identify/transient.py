@@ -39,6 +39,10 @@ SIZES = (0.02, 0.4)
 direction."""
 
 
+RAMP_ROWS = 20
+"""Most rows that a supply may take for a step, which then counts from where half of its area is."""
+
+
 class Step(NamedTuple):
     """One step of the voltage, at the motor's shaft."""
 
@@ -70,7 +74,7 @@ def steps(ship: Ship, table: pd.DataFrame) -> list[Step]:
     """
     found = []
     for before, after in pairwise(plateaus(ship, table)):
-        if before.end == after.begin:
+        if after.begin - before.end <= RAMP_ROWS:
             one = _step(ship, table, before, after)
             size = abs(one.after / one.before - 1.0) if one.before != 0.0 else math.inf
             if SIZES[0] <= size <= SIZES[1] and one.speed > 0.0:
@@ -80,7 +84,10 @@ def steps(ship: Ship, table: pd.DataFrame) -> list[Step]:
 
 def _step(ship: Ship, table: pd.DataFrame, before: Plateau, after: Plateau) -> Step:
     column, shaft = drive_column(ship), "shaft_speed_rad_s"
-    rows, rest = slice(after.begin, after.end), slice(before.settled, before.end)
+    rows, rest = slice(before.end, after.end), slice(before.settled, before.end)
+    supply = table[column].to_numpy(dtype=np.float64)[before.end : after.begin]
+    size = after.means[column] - before.means[column]
+    late = float(np.sum((after.means[column] - supply) / size))  # rows
     speed = table[shaft].to_numpy(dtype=np.float64)
     rise = after.means[shaft] - before.means[shaft]
     current, noise = None, math.nan
@@ -92,7 +99,7 @@ def _step(ship: Ship, table: pd.DataFrame, before: Plateau, after: Plateau) -> S
         before.means[column],
         after.means[column],
         before.means[shaft] * ship.transmission.gear_ratio,
-        np.arange(after.end - after.begin, dtype=np.float64) * interval_of(table),
+        (np.arange(after.end - before.end, dtype=np.float64) - late) * interval_of(table),
         (speed[rows] - before.means[shaft]) / rise,
         current,
         float(np.std(speed[rest])) / abs(rise),
@@ -158,14 +165,15 @@ def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, floa
     size = one.after / one.before - 1.0
     current = one.current_rise / point.current / size
     band = current + model.current_gain * np.expm1(slow * one.time)  # less the low-pass part
-    crossed = np.flatnonzero(band[1:] > 0.632 * model.drive)
-    if not len(crossed) or band[1] > 0.98 * model.drive * math.exp(
-        slow * one.time[1]
-    ):  # or all over before the first sample
+    first = int(np.argmax(one.time > 0.0))
+    time, seen = one.time[first:], band[first:]
+    crossed = np.flatnonzero(seen > 0.632 * model.drive)
+    over = model.drive * math.exp(slow * time[0])  # what the first sample has if it comes too late
+    if not len(crossed) or seen[0] > 0.98 * over:
         return math.nan, math.nan
-    reached = SHORT * one.time[1 + int(crossed[0])]
-    inside = slice(1, max(2, int(np.sum(one.time <= reached))))
-    time, seen = one.time[inside], band[inside]
+    reached = SHORT * time[int(crossed[0])]
+    inside = slice(0, max(1, int(np.sum(time <= reached))))
+    time, seen = time[inside], seen[inside]
 
     def passed(electric: float) -> NDArray[np.float64]:
         fading = np.exp(slow * time) - np.exp(-time / electric)
@@ -173,7 +181,7 @@ def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, floa
 
     best = minimize_scalar(
         lambda log: float(np.sum((seen - passed(math.exp(log))) ** 2)), method="bounded",
-        bounds=(math.log(one.time[1] / 12.0), math.log(min(0.2 / abs(slow), 20.0 * reached))),
+        bounds=(math.log(time[0] / 12.0), math.log(min(0.2 / abs(slow), 20.0 * reached))),
         options={"xatol": 1e-10},
     )  # fmt: skip
     electric = math.exp(float(best.x))

@@ -29,6 +29,7 @@ from .freed import freed
 from .frequency import (
     OUTPUTS,
     FrequencyResponse,
+    blurred,
     channels_of,
     held,
     interval_of,
@@ -132,10 +133,13 @@ def noise_response(
     lines = [line for line in lines if line.density >= DRIVEN * density]
     frequency = np.array([line.frequency for line in lines])
     parts = {c: np.array([line.answers[c] for line in lines]) for c in outputs}
+    lacking = {c: blurred(whole[c], interval_s, frequency) for c in outputs}
     return replace(
         about, frequency=frequency,
         response={c: part[:, 0] / held(frequency, interval_s) for c, part in parts.items()},
-        error={c: part[:, 1].real for c, part in parts.items()},
+        error={
+            c: np.hypot(part[:, 1].real, lacking[c] * np.abs(part[:, 0])) for c, part in parts.items()
+        },
         coherence={c: part[:, 2].real for c, part in parts.items()},
     )  # fmt: skip
 

@@ -25,7 +25,7 @@ HOLD_S, AMPLITUDE, NOISE_TOP_RAD_S = 5.0, 0.05, 1000.0
 FAST_S, USUAL_S = 1e-4, 2e-4
 
 
-class Test(NamedTuple):
+class Experiment(NamedTuple):
     """A voltage over time."""
 
     name: str
@@ -33,7 +33,7 @@ class Test(NamedTuple):
     voltage: NDArray[np.float64]
 
 
-def staircase(levels_V: tuple[float, ...] | None = None, hold_s: float = HOLD_S) -> Test:
+def staircase(levels_V: tuple[float, ...] | None = None, hold_s: float = HOLD_S) -> Experiment:
     """The five voltages of Table 4 one after the other, from the lowest up.
 
     Args:
@@ -42,7 +42,7 @@ def staircase(levels_V: tuple[float, ...] | None = None, hold_s: float = HOLD_S)
     """
     table = published("tito_neri_operating_points")["motor_voltage_V"]
     levels = tuple(map(float, table)) if levels_V is None else levels_V
-    return Test("staircase", FAST_S, np.repeat(levels, round(hold_s / FAST_S)))
+    return Experiment("staircase", FAST_S, np.repeat(levels, round(hold_s / FAST_S)))
 
 
 def frequencies() -> tuple[float, ...]:
@@ -50,7 +50,7 @@ def frequencies() -> tuple[float, ...]:
     return tuple(float(value) for value in published("tito_neri_frequency_response").index)
 
 
-def sine(frequency: float, amplitude: float = AMPLITUDE) -> Test:
+def sine(frequency: float, amplitude: float = AMPLITUDE) -> Experiment:
     """A sine about point C, long enough for a second's start and three periods, or two slow ones.
 
     Args:
@@ -60,10 +60,10 @@ def sine(frequency: float, amplitude: float = AMPLITUDE) -> Test:
     period = 2.0 * math.pi / frequency
     seconds = 1.3 + max(2.05 * period, min(3.0 * period, 10.0), 1.0)
     time = np.arange(round(seconds / FAST_S)) * FAST_S
-    return Test("sine", FAST_S, POINT_C_V * (1.0 + amplitude * np.sin(frequency * time)))
+    return Experiment("sine", FAST_S, POINT_C_V * (1.0 + amplitude * np.sin(frequency * time)))
 
 
-def sines(amplitude: float = AMPLITUDE) -> list[Test]:
+def sines(amplitude: float = AMPLITUDE) -> list[Experiment]:
     """The nine sines.
 
     Args:
@@ -72,7 +72,7 @@ def sines(amplitude: float = AMPLITUDE) -> list[Test]:
     return [sine(frequency, amplitude) for frequency in frequencies()]
 
 
-def noise(seconds: float = 120.0, seed: int = 0, rms: float = AMPLITUDE) -> Test:
+def noise(seconds: float = 120.0, seed: int = 0, rms: float = AMPLITUDE) -> Experiment:
     """Band-limited white noise about point C.
 
     Args:
@@ -85,10 +85,10 @@ def noise(seconds: float = 120.0, seed: int = 0, rms: float = AMPLITUDE) -> Test
     spectrum[2.0 * math.pi * np.fft.rfftfreq(rows, USUAL_S) > NOISE_TOP_RAD_S] = 0.0
     spectrum[0] = 0.0
     values = np.fft.irfft(spectrum, rows)
-    return Test("noise", USUAL_S, POINT_C_V * (1.0 + rms * values / values.std()))
+    return Experiment("noise", USUAL_S, POINT_C_V * (1.0 + rms * values / values.std()))
 
 
-def mix(seed: int = 1) -> Test:
+def mix(seed: int = 1) -> Experiment:
     """Steps, a strong sine, noise and a ramp, 20 s in all: for validation.
 
     Args:
@@ -99,10 +99,10 @@ def mix(seed: int = 1) -> Test:
     sine_part = POINT_C_V * (1.0 + 0.2 * np.sin(4.0 * math.pi * swing))
     ramp = np.linspace(4.4, 7.4, round(3.0 / USUAL_S))
     parts = [steps, sine_part, noise(4.0, seed).voltage, ramp]
-    return Test("mix", USUAL_S, np.concatenate(parts))
+    return Experiment("mix", USUAL_S, np.concatenate(parts))
 
 
-def recorded(ship: Ship, test: Test) -> pd.DataFrame:
+def recorded(ship: Ship, test: Experiment) -> pd.DataFrame:
     """A test on a simulated drive train, in canonical columns and without any instrument's fault.
 
     Args:
@@ -115,7 +115,7 @@ def recorded(ship: Ship, test: Test) -> pd.DataFrame:
     return found[["time_s", "motor_voltage_V", "shaft_speed_rad_s", "motor_current_A"]]
 
 
-MATRIX: dict[str, Callable[[], list[Test]]] = {
+MATRIX: dict[str, Callable[[], list[Experiment]]] = {
     "staircase": lambda: [staircase()],
     "sines": sines,
     "noise": lambda: [noise()],

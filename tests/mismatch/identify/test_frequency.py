@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from shaftline.mismatch.identify.drive_train import drive_train
 from shaftline.mismatch.identify.frequency import (
     FrequencyResponse,
+    blurred,
     channels_of,
     held,
     interval_of,
@@ -120,3 +121,12 @@ def test_recordings_without_a_response(change: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         channels_of(tug(), change(table), "sine")
     assert interval_of(pd.DataFrame({"time_s": [1.0, 1.5, 2.0]})) == 0.5
+
+
+def test_a_channel_that_is_held_may_lack_something() -> None:
+    values = np.repeat(np.random.default_rng(0).standard_normal(500), 10)
+    lacking = blurred(values, 1e-4, np.array([1.0, 1000.0, 2000.0, 1e5]))
+    expected = 1.0 - np.sinc(np.array([1.0, 1000.0, 2000.0, 2e3 * np.pi]) * 5e-4 / np.pi) ** 2
+    assert_allclose(lacking, expected, rtol=5e-3, atol=1e-9)
+    assert lacking[-1] == pytest.approx(1.0, abs=1e-2)
+    assert_allclose(blurred(values[::10], 1e-3, [10.0, 3000.0]), 0.0, atol=0.0)

@@ -10,7 +10,7 @@ import pytest
 from shaftline.mismatch.identify.drive_train import DriveTrain, drive_train, keys_of
 from shaftline.mismatch.identify.transient import steps, told
 
-from .benches import staircase, tug
+from .benches import recorded, staircase, tug
 
 
 @pytest.mark.parametrize("name", ["sine", "staircase"])
@@ -93,3 +93,17 @@ def test_half_the_inertia_by_the_misprinted_equation() -> None:
     assert printed == pytest.approx(0.5 * model.mechanical_s)
     assert isinstance(keys_of(tug(), train), dict)
     assert isinstance(train, DriveTrain)
+
+
+def test_a_supply_may_take_its_time() -> None:
+    """A voltage that follows with 0.07 ms is a step that comes so much later."""
+    table = staircase(tug(), (5.89, 6.88))
+    time = np.arange(20000) * 1e-4
+    volts = 5.89 + 0.99 * (1.0 - np.exp(-(time + 0.5e-4) / 7e-5))
+    run = recorded(tug(), np.r_[np.full(20000, 5.89), volts])
+    (plain,), (slow,) = steps(tug(), table), steps(tug(), run)
+    assert slow.time[0] == pytest.approx(-7e-5, abs=1e-5)
+    assert plain.time[0] == 0.0
+    found = told(drive_train(tug()), slow)
+    assert found.inertia == pytest.approx(3.18e-5, rel=5e-3)
+    assert found.electric_s == pytest.approx(6.03e-4 / 1.51, rel=0.06)
