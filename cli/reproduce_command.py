@@ -24,6 +24,7 @@ class Table(StrEnum):
     STORMS = "storms"
     LEVERS = "levers"
     TITO_NERI = "tito-neri"
+    AUGMENTED_FILTER = "augmented-filter"
     ALL = "all"
 
 
@@ -42,8 +43,9 @@ def reproduce(
     Systems", TU Delft 2020. `working-points`: Table 2-1; `poles`: 2-2 to 2-14; `vaf`: 4-1; `snr`:
     4-2; `sensitivity`: 5-1. `storms`: Table 1 of Pivano et al. 2008, anti-spin, beside storms.
     `levers`: Tables 1 to 3 of the CPP optimiser paper. `tito-neri`: Table 5 of Vrijdag & Martelli
-    2021, a drive train's numbers from its steady states and frequency response. Where a number
-    differs, a sentence says why.
+    2021, a drive train's numbers from its steady states and frequency response. `augmented-filter`:
+    Taylor's thesis (MIT 2000), chapter 2 and appendix A, and the same filter on the frigate. Where a
+    number differs, a sentence says why.
     """
     names = list(study.TABLES) if table is Table.ALL else [table.value]
     with clear_errors():

@@ -117,7 +117,7 @@ def correct(
     return total
 
 
-class AugmentedKalman:
+class AugmentedFilter:
     """The filter of any model.
 
     Args:

@@ -29,9 +29,15 @@ OBSERVER = np.dtype(
         ("transition", np.float64, (2, 2)),
         ("before", np.float64, (2, 2)),
         ("now", np.float64, (2, 2)),
-        ("gain", np.float64),  # of the immersion-and-invariance observer
-        ("process", np.float64, (2,)),  # variances per step: shaft speed, advance velocity
+        ("gain", np.float64),  # of the immersion-and-invariance observer; 1 / T of an inflow [1/s]
+        # of Kalman filters: variances per step of shaft speed and advance velocity, or densities
+        ("process", np.float64, (4,)),
         ("measurement", np.float64),  # variance of the shaft speed
+        ("spread", np.float64, (4,)),  # standard deviations at the start
+        ("tracks", np.int64),  # which number of the ship
+        ("number", np.float64),  # as the ship's file has it
+        ("lowest", np.float64),  # that it may be
+        ("highest", np.float64),
         ("ship", PLANT),
     ],
     align=True,
@@ -40,8 +46,8 @@ OBSERVER = np.dtype(
 ESTIMATE = np.dtype(
     [
         ("started", np.int64),
-        ("x", np.float64, (2,)),
-        ("covariance", np.float64, (2, 2)),
+        ("x", np.float64, (4,)),  # states; the number of the ship that is tracked stands last
+        ("covariance", np.float64, (4, 4)),
         ("shaft_speed", np.float64),  # measured at the last sample
         ("shaft_torque", np.float64),
         ("pitch_ratio", np.float64),
@@ -50,6 +56,10 @@ ESTIMATE = np.dtype(
     ],
     align=True,
 )
+
+
+TRACKED = 3
+"""Place in ``x`` and ``covariance`` of a number of the ship that an observer tracks."""
 
 
 class Measurement(NamedTuple):
@@ -89,6 +99,8 @@ class Observer(ABC):
     """Where it is published; observers are listed by source, then by name."""
     tunings: ClassVar[Mapping[str, Observer]] = {}
     """Other tunings by name; ``NAME-TUNING`` chooses one."""
+    tracks: str = ""
+    """Dotted key of the number of the ship that it tracks too; empty for most."""
     reads_instruments: ClassVar[bool] = True
     """Whether a reading that cannot be true stops it: for all but the oracle."""
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -10,24 +11,31 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..plant.ship import Ship
-from .base import ESTIMATE, READINGS, Measurement, Observer
+from .base import ESTIMATE, READINGS, TRACKED, Measurement, Observer, ObserverError
 from .registry import update
+
+
+class Followed(NamedTuple):
+    """What an observer makes of n readings, each of shape (n,)."""
+
+    velocity: NDArray[np.float64]  # advance velocity [m/s]
+    valid: NDArray[np.bool_]
+    number: NDArray[np.float64]  # of the ship, in its key's unit; 0 where none is tracked
+    deviation: NDArray[np.float64]  # its standard deviation
 
 
 @compiled
 def _follow(
-    observer: Record,
-    estimate: Record,
-    readings: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    valid: NDArray[np.bool_],
+    observer: Record, estimate: Record, readings: NDArray[np.float64], found: Followed
 ) -> None:
     for k in range(len(readings)):
         m = Measurement(
             readings[k, 0], readings[k, 1], readings[k, 2], readings[k, 3], readings[k, 4]
         )
-        velocity[k] = update(observer, estimate, m)
-        valid[k] = estimate.valid != 0
+        found.velocity[k] = update(observer, estimate, m)
+        found.valid[k] = estimate.valid != 0
+        found.number[k] = estimate.x[TRACKED]
+        found.deviation[k] = math.sqrt(max(estimate.covariance[TRACKED, TRACKED], 0.0))
 
 
 def follow(
@@ -60,11 +68,38 @@ def follow_record(
         observer: from :meth:`Observer.discretise`.
         readings: as for :func:`follow`.
     """
-    velocity = np.empty(len(readings))
-    valid = np.empty(len(readings), dtype=np.bool_)
-    estimate = np.zeros(1, ESTIMATE)[0]
-    _follow(observer, estimate, np.ascontiguousarray(readings), velocity, valid)
-    return velocity, valid
+    found = _followed(observer, readings)
+    return found.velocity, found.valid
+
+
+def follow_number(
+    observer: Observer, ship: Ship, readings: NDArray[np.float64], dt: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The number of the ship that an observer tracks, as it follows a series of readings.
+
+    Args:
+        observer: one with ``tracks``.
+        ship: as for :func:`follow`.
+        readings: likewise.
+        dt: likewise [s].
+
+    Returns:
+        Estimate of the number and its standard deviation in the unit of its key, each of shape (n,).
+
+    Raises:
+        ObserverError: an observer that tracks none, or a ship that lacks what it needs.
+    """
+    if not observer.tracks:
+        raise ObserverError(f"observer {observer.name!r} tracks no number of the ship")
+    found = _followed(observer.discretise(ship, dt), readings)
+    return found.number, found.deviation
+
+
+def _followed(observer: Any, readings: NDArray[np.float64]) -> Followed:
+    n = len(readings)
+    found = Followed(np.empty(n), np.empty(n, dtype=np.bool_), np.empty(n), np.empty(n))
+    _follow(observer, np.zeros(1, ESTIMATE)[0], np.ascontiguousarray(readings), found)
+    return found
 
 
 def readings_of(samples: NDArray[Any]) -> NDArray[np.float64]:
@@ -89,7 +124,8 @@ def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.Data
         table: even time base; acceleration and true advance velocity may be missing.
 
     Returns:
-        The table with ``estimated_advance_velocity_m_s`` and ``estimate_valid`` (0 or 1).
+        The table with ``estimated_advance_velocity_m_s`` and ``estimate_valid`` (0 or 1); of an observer
+        that tracks a number also ``estimated_KEY`` and ``estimated_KEY_sd``.
 
     Raises:
         ObserverError: the ship lacks what the observer needs.
@@ -104,5 +140,11 @@ def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.Data
         ]
     )
     dt = float(np.median(np.diff(table["time_s"])))
-    velocity, valid = follow(observer, ship, readings, dt)
-    return table.assign(estimated_advance_velocity_m_s=velocity, estimate_valid=valid.astype(int))
+    found = _followed(observer.discretise(ship, dt), readings)
+    table = table.assign(
+        estimated_advance_velocity_m_s=found.velocity, estimate_valid=found.valid.astype(int)
+    )
+    if observer.tracks:
+        name = f"estimated_{observer.tracks}"
+        table = table.assign(**{name: found.number, f"{name}_sd": found.deviation})
+    return table

@@ -109,7 +109,7 @@ class RandomWalkKalman(Observer):
         """OBSERVER record for a time step ``dt`` [s]."""
         record = super().discretise(ship, dt)
         gauge = (dt * self.torque_noise / self.inertia(ship)) ** 2  # it drives omega' directly
-        record["process"] = (self.speed_density * dt + gauge, self.velocity_density * dt)
+        record["process"][:2] = (self.speed_density * dt + gauge, self.velocity_density * dt)
         record["measurement"] = self.speed_noise**2
         return record
 

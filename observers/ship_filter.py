@@ -26,7 +26,7 @@ from .base import ObserverError
 
 Floats = NDArray[np.float64]
 
-_LATE = ("sensors.torque_delay_s", "sensors.speed_log_lag_s")
+_LATE = ("torque_delay_s", "speed_delay_s", "speed_log_lag_s")  # of its [sensors]
 
 _OF_THE_INFLOW = (
     "hull.wake_fraction", "hull.wake_slope_s_m", "hull.wake_reference_speed_m_s", "hull.current_m_s",
@@ -103,10 +103,12 @@ class ShipFilter:
     ) -> None:
         if not free:
             raise ObserverError(f"{ship.name}: name at least one key that is to be estimated")
-        if late := [key for key in _LATE if ship.number(key).value > 0.0]:
+        if late := [key for key in _LATE if getattr(ship.sensors, key) > 0.0]:
             raise ObserverError(
-                f"{ship.name}: the filter serves no instrument with {late[0]} above 0"
+                f"{ship.name}: the filter serves no instrument with sensors.{late[0]} above 0"
             )
+        if not ship.turns_freely:
+            raise ObserverError(f"{ship.name}: the filter serves no drive whose speed is held")
         if unknown := [column for column in noise if column not in CHANNELS]:
             raise ObserverError(f"{unknown[0]}: the filter goes by {', '.join(CHANNELS)} only")
         for name, spread in {**noise, **number_spread}.items():

@@ -14,6 +14,9 @@ from ..display.tables import markdown, write_table
 from ..observers import follow, get_observer, readings_of
 from ..observers.metrics import variance_accounted_for
 from ..plant import linearise, load_ship
+from .augmented_filter import page as filter_page
+from .augmented_filter import results as filter_results
+from .augmented_filter.esso_osaka import COEFFICIENTS
 from .ferry import levers
 from .ferry.lever_tables import against_combinator
 from .side_by_side import reasons_text, side_by_side
@@ -234,6 +237,32 @@ def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
     )  # fmt: skip
 
 
+def reproduce_augmented_filter(folder: Path, tick: Tick) -> Reproduced:
+    """Falling body and Esso Osaka of Taylor 2000, and the same filter on the frigate."""
+    found = filter_results.measured(tick)
+    name, twins = "augmented-filter", found.twins
+    write_table(
+        folder,
+        name,
+        filter_page.TITLE,
+        f"shaftline reproduce {name}",
+        twins,
+        filter_page.body(found),
+    )
+    figures.save(filter_page.figure(found), folder / "figures" / f"{name}.png")
+    numbers = {
+        f"R {row['R']:g}, noise {row['noise']:g}, {row['minutes']:g} min": row[
+            [*COEFFICIENTS, "median error", "worst error"]
+        ].to_dict()
+        for _, row in twins.iterrows()
+    }
+    for row in found.falls.to_dict("records"):
+        of = numbers.setdefault(f"falling body, beta {row['beta']:g}, {row['readings']}", {})
+        of[str(row["quantity"])] = float(row["median"])
+    shown = twins.assign(R=[f"{r:g}" for r in twins["R"]], noise=[f"{n:g}" for n in twins["noise"]])
+    return Reproduced(filter_page.TITLE, shown, filter_page.WHY, numbers)
+
+
 TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
     "working-points": (reproduce_working_points, 1),
     "poles": (reproduce_poles, 1),
@@ -246,5 +275,6 @@ TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
     "storms": (reproduce_storms, storm_results.TICKS),
     "levers": (reproduce_levers, levers.TICKS),
     "tito-neri": (reproduce_tito_neri, identification_page.TICKS),
+    "augmented-filter": (reproduce_augmented_filter, filter_results.TICKS),
 }
 """Every table by name, and how many ticks it makes."""

@@ -20,6 +20,14 @@ def frigate() -> Ship:
 
 
 @pytest.fixture(scope="session")
+def held_frigate(frigate: Ship) -> Ship:
+    """The frigate, its shafts held at a speed by no matter what."""
+    tree = frigate.model_dump(exclude_unset=True)
+    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
+    return Ship.model_validate(tree)
+
+
+@pytest.fixture(scope="session")
 def servo() -> Ship:
     """A drive with a load and no propeller: the least that a ship's file may say."""
     return Ship.model_validate(

@@ -86,7 +86,7 @@ def body(found: rig_results.Validation, watch: pd.DataFrame, orders: pd.DataFram
     cogs = f"{1e3 * own.cogging_6_N_m:g} and {1e3 * own.cogging_12_N_m:g} mN m"
     ripple = f"{100 * own.ripple_6:g} and {100 * own.ripple_12:g} %"
     supply = f"{100 * (1 - own.gain):.0f} % less and {1e6 * own.lag_s:g} us late"
-    only, both = (f"{1e3 * size:.2g} mA" for size in cogs_in_current())
+    only, both = (f"{1e3 * size:.3g} mA" for size in cogs_in_current())
     records, trials = rig_results.RECORDS, rig_results.TRIALS
     return f"""\
 The recordings of Vrijdag & Martelli 2021 were not published. This rig is the house's plant with the

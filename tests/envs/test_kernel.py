@@ -325,7 +325,7 @@ def test_noise_leaves_the_plant_alone_where_nobody_steers_by_it() -> None:
 
 def test_the_first_estimate_begins_from_nothing() -> None:
     env, _, first = storm(observer="none")
-    assert tuple(env.batch.arrays.estimates[0]["x"]) == (0.0, 0.0)
+    assert tuple(env.batch.arrays.estimates[0]["x"]) == (0.0,) * 4
     assert np.zeros(1, ESTIMATE)[0]["valid"] == env.batch.arrays.estimates[0]["valid"] == first[7]
 
 

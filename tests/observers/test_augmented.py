@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from shaftline.observers.augmented import AugmentedKalman, correct, propagate
+from shaftline.observers.augmented import AugmentedFilter, correct, propagate
 
 RNG = np.random.default_rng(3)
 
@@ -58,7 +58,7 @@ def both(x: Any, theta: Any, u: Any) -> Any:
 
 def test_two_measurements_at_once_are_taken_in_as_the_matrices_say() -> None:
     p = some_covariance(4)
-    filter_ = AugmentedKalman(
+    filter_ = AugmentedFilter(
         spring, both, [0.3, -0.2], [0.5, 2.0], covariance=p.copy(), noise=[0.1, 0.4]
     )
     h = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.5]])
@@ -76,14 +76,14 @@ def test_two_measurements_at_once_are_taken_in_as_the_matrices_say() -> None:
 def test_prediction_follows_the_model_and_its_exact_slopes() -> None:
     """A linear model: P over a second by the matrix exponential."""
     p = np.diag([0.1, 0.2, 0.01, 0.04])
-    filter_ = AugmentedKalman(spring, both, [1.0, 0.0], [0.5, 2.0], covariance=p, noise=[1.0, 1.0])
+    filter_ = AugmentedFilter(spring, both, [1.0, 0.0], [0.5, 2.0], covariance=p, noise=[1.0, 1.0])
     filter_.predict(0.0, 1.0, steps=200)
     a = np.array([[0.0, 1.0], [-4.0, -0.5]])
     np.testing.assert_allclose(filter_.state, expm(a) @ [1.0, 0.0], rtol=1e-7)
     np.testing.assert_array_equal(filter_.numbers, [0.5, 2.0])
     np.testing.assert_allclose(filter_.p[:2, :2][0, 1], filter_.p[1, 0], rtol=1e-14)
     # of the states alone: what a spread of the numbers adds is tested by the falling body
-    alone = AugmentedKalman(
+    alone = AugmentedFilter(
         spring, both, [1.0, 0.0], [0.5, 2.0], covariance=[0.1, 0.2, 0.0, 0.0], noise=[1.0, 1.0]
     )
     alone.predict(0.0, 1.0, steps=200)
@@ -92,7 +92,7 @@ def test_prediction_follows_the_model_and_its_exact_slopes() -> None:
 
 
 def test_process_noise_adds_its_density_times_time() -> None:
-    filter_ = AugmentedKalman(
+    filter_ = AugmentedFilter(
         lambda x, theta, u: 0.0 * x, lambda x, theta, u: x, [0.0], [1.0],
         covariance=[0.0, 0.0], noise=[1.0], process=[0.5, 0.02],
     )  # fmt: skip
@@ -101,7 +101,7 @@ def test_process_noise_adds_its_density_times_time() -> None:
 
 
 def test_a_missing_measurement_changes_nothing() -> None:
-    filter_ = AugmentedKalman(
+    filter_ = AugmentedFilter(
         spring, both, [1.0, 0.0], [0.5, 2.0], covariance=[0.1, 0.2, 0.01, 0.04], noise=[1.0, 1.0]
     )
     before = filter_.z.copy(), filter_.p.copy()
@@ -125,7 +125,7 @@ def test_a_missing_measurement_changes_nothing() -> None:
 def test_a_filter_that_cannot_be_is_refused(wrong: dict[str, Any], why: str) -> None:
     settings: dict[str, Any] = {"covariance": [1.0, 1.0], "noise": [1.0]}
     with pytest.raises(ValueError, match=why):
-        AugmentedKalman(lambda x, t, u: x, lambda x, t, u: x, [0.0], [0.0], **(settings | wrong))
+        AugmentedFilter(lambda x, t, u: x, lambda x, t, u: x, [0.0], [0.0], **(settings | wrong))
 
 
 SEA_LEVEL, SCALE_HEIGHT, GRAVITY = 3.4e-3, 22e3, 32.2  # lb s2/ft4, ft, ft/s2
@@ -144,10 +144,10 @@ def height(x: Any, theta: Any, u: Any) -> Any:
 def fallen(truth: float, seed: int, dt: float = 0.1, noise: float = 10.0) -> NDArray[np.float64]:
     """Rows of time, true height, error of the velocity, estimate of beta and its standard error."""
     rng = np.random.default_rng(seed)
-    body = AugmentedKalman(
+    body = AugmentedFilter(
         falling, height, [1e5 + 100.0, -6000.0 + 350.0], [truth], covariance=[0.0] * 3, noise=[1.0]
     )
-    own = AugmentedKalman(
+    own = AugmentedFilter(
         falling, height, [1e5, -6000.0], [2500.0], covariance=[500.0, 2e4, 2.5e5], noise=[100.0]
     )
     rows = []

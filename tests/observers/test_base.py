@@ -14,7 +14,9 @@ from shaftline.plant import Ship, load_ship
 from .screw import INERTIA, SHIP
 
 GOOD = Measurement(10.0, 1.4e5, 1.3, 0.0, 8.0)
-DIVIDING = [name for name in observer_names() if name.startswith(("luen", "shaft-k", "imm", "ran"))]
+DIVIDING = [
+    name for name in observer_names() if name.startswith(("aug", "luen", "shaft-k", "imm", "ran"))
+]
 
 
 @pytest.mark.parametrize(
@@ -52,7 +54,7 @@ def test_what_is_remembered() -> None:
     assert estimate["started"] == estimate["valid"] == 1
     names = ("shaft_speed", "shaft_torque", "pitch_ratio", "advance_velocity")
     assert [estimate[name] for name in names] == [10.0, 1.4e5, 1.3, 6.5]
-    assert estimate["x"].tolist() == [7.0, 7.0]
+    assert estimate["x"].tolist() == [7.0] * 4
     remember(estimate, GOOD, 6.5, False)
     assert estimate["valid"] == 0
 
@@ -97,4 +99,4 @@ def test_codes_go_by_the_kernels_name() -> None:
     kinds = {name: get_observer(name).kind for name in observer_names()}
     assert kinds["luenberger"] == kinds["luenberger-high"] == kinds["shaft-kalman"]
     assert kinds["random-walk-kalman"] != kinds["random-walk-kalman-printed"]
-    assert len(set(kinds.values())) == 9
+    assert len(set(kinds.values())) == 10

@@ -87,7 +87,7 @@ def test_states_follow_the_continuous_observer(name: str) -> None:
         x = solve_ivp(rate, (start, end), x, "DOP853", rtol=1e-11, atol=1e-9).y[:, -1]
         expected.append(x)
     after = sampled(observer.discretise(SHIP, DT), readings)
-    np.testing.assert_allclose([e["x"] for e in after], expected, rtol=1e-8)
+    np.testing.assert_allclose([e["x"][:2] for e in after], expected, rtol=1e-8)
     velocities = [
         Screw().velocity(x[1], x[0], row[2]) for x, row in zip(expected, readings, strict=True)
     ]
@@ -101,7 +101,7 @@ def test_an_estimate_is_trusted_within_a_fifth_of_the_shaft_speed(share: float, 
     w, pitch = 10.0, 1.3
     estimate = np.zeros(1, ESTIMATE)[0]
     estimate["started"] = 1
-    estimate["x"] = (1.0 + share) * w, Screw().torque(5.0, (1.0 + share) * w, pitch)
+    estimate["x"][:2] = (1.0 + share) * w, Screw().torque(5.0, (1.0 + share) * w, pitch)
     (after,) = sampled(record, [(w, 1e5, pitch, 0.0, 0.0)], estimate)
     assert after["advance_velocity"] == pytest.approx(5.0)
     assert after["valid"] == valid

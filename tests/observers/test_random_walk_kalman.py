@@ -67,8 +67,8 @@ def test_extended_filter_is_the_textbooks() -> None:
     q = np.diag([1e-4 * DT + (DT * 2500.0 / INERTIA) ** 2, 0.3 * DT])
     states, covariances = filtered(extended, readings, readings[0, 0], q, 0.03**2)
     after = sampled(observer.discretise(SHIP, DT), readings)
-    np.testing.assert_allclose([e["x"] for e in after], states, rtol=1e-7)
-    np.testing.assert_allclose([e["covariance"] for e in after], covariances, rtol=1e-6)
+    np.testing.assert_allclose([e["x"][:2] for e in after], states, rtol=1e-7)
+    np.testing.assert_allclose([e["covariance"][:2, :2] for e in after], covariances, rtol=1e-6)
     np.testing.assert_allclose([e["advance_velocity"] for e in after], states[:, 1], rtol=1e-7)
     assert all(e["valid"] for e in after)
     assert np.std(states[100:, 1] - readings[100:, 4]) < 0.3  # and it follows the truth
@@ -82,7 +82,7 @@ def test_printed_filter_is_the_textbooks() -> None:
     after = sampled(observer.discretise(SHIP, DT), readings)
     np.testing.assert_allclose([e["x"][1] for e in after], states[:, 1], rtol=1e-7)
     np.testing.assert_allclose([e["x"][0] for e in after], states[:, 0], atol=1e-9)
-    np.testing.assert_allclose([e["covariance"] for e in after], covariances, rtol=1e-6)
+    np.testing.assert_allclose([e["covariance"][:2, :2] for e in after], covariances, rtol=1e-6)
     assert all(e["valid"] for e in after)
 
 
@@ -100,10 +100,10 @@ def test_covariance_stays_symmetric_and_positive(tuning: str) -> None:
 def test_default_covariances_are_those_of_instruments() -> None:
     assert RandomWalkKalman() == RandomWalkKalman(0.25, 0.0, 2e3, 0.02)
     record = RandomWalkKalman().discretise(SHIP, DT)
-    assert record["process"] == pytest.approx([(DT * 2e3 / INERTIA) ** 2, 0.25 * DT])
+    assert record["process"][:2] == pytest.approx([(DT * 2e3 / INERTIA) ** 2, 0.25 * DT])
     assert record["measurement"] == pytest.approx(0.0004)
     record = get_observer("random-walk-kalman-printed").discretise(SHIP, DT)
-    assert record["process"] == pytest.approx([1e4 * DT, 1e11 * DT])  # section 3-6-3
+    assert record["process"][:2] == pytest.approx([1e4 * DT, 1e11 * DT])  # section 3-6-3
     assert record["measurement"] == 1.0
 
 
@@ -127,7 +127,7 @@ def test_a_shaft_at_rest_gives_no_valid_estimate(
 ) -> None:
     estimate = np.zeros(1, ESTIMATE)[0]
     estimate["started"], estimate["pitch_ratio"], estimate["shaft_speed"] = 1, 1.3, w
-    estimate["x"] = (w if type(observer) is RandomWalkKalman else 0.0), 0.0
+    estimate["x"][:2] = (w if type(observer) is RandomWalkKalman else 0.0), 0.0
     (after,) = sampled(observer.discretise(SHIP, DT), [(w, 0.0, 1.3, 0.0, 0.0)], estimate)
     assert after["valid"] == valid
 

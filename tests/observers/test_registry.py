@@ -19,7 +19,8 @@ from shaftline.observers import (
 from .screw import DT, SHIP, Screw, sampled
 
 NAMES = [
-    "none", "oracle", "luenberger", "luenberger-low", "luenberger-moderate", "luenberger-high",
+    "none", "oracle", "augmented-kalman", "augmented-kalman-fouling", "augmented-kalman-friction",
+    "luenberger", "luenberger-low", "luenberger-moderate", "luenberger-high",
     "shaft-kalman", "power-balance", "shaft-acceleration", "shaft-acceleration-derived",
     "immersion-invariance", "immersion-invariance-low", "immersion-invariance-moderate",
     "immersion-invariance-high", "random-walk-kalman", "random-walk-kalman-extended",
@@ -28,7 +29,7 @@ NAMES = [
 STEADY = (10.0, Screw().torque(7.5, 10.0, 1.3), 1.3, 0.0, 7.5)
 
 
-def test_names_stand_in_the_order_of_the_thesis() -> None:
+def test_names_stand_in_the_order_of_their_sources() -> None:
     assert observer_names() == NAMES
 
 
@@ -59,7 +60,7 @@ def test_the_default_is_one_of_the_tunings(name: str, default: str) -> None:
 
 def test_unknown_observer_names_the_known_ones() -> None:
     with pytest.raises(
-        ObserverError, match=r"unknown observer 'kalman'; known: none, oracle, luen"
+        ObserverError, match=r"unknown observer 'kalman'; known: none, oracle, augm"
     ):
         get_observer("kalman")
 
@@ -80,7 +81,9 @@ def test_each_record_is_served_by_its_own_kernel(name: str) -> None:
     """At rest all agree on the truth, whatever their equations."""
     record = get_observer(name).discretise(SHIP, DT)
     (*_, last) = sampled(record, [STEADY] * 20)
-    assert last["advance_velocity"] == pytest.approx(7.5, rel=1e-5)
+    # the ship whose speed is tracked too does not rest: its thrust there is not its resistance
+    close = 2e-4 if name.startswith("augmented") else 1e-5
+    assert last["advance_velocity"] == pytest.approx(7.5, rel=close)
     assert last["valid"] == 1
 
 

@@ -274,10 +274,23 @@ def test_a_filter_that_cannot_be_is_refused(changes: dict[str, Any], why: str) -
         ShipFilter(load_ship("frigate"), **(settings | changes))
 
 
-def test_a_late_instrument_is_refused() -> None:
-    ship = load_ship("frigate").with_values({"sensors.torque_delay_s": 0.5})
-    with pytest.raises(ObserverError, match=r"no instrument with sensors.torque_delay_s above 0"):
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"sensors.torque_delay_s": 0.5}, r"no instrument with sensors.torque_delay_s above 0"),
+        ({"sensors.speed_delay_s": 0.5}, r"no instrument with sensors.speed_delay_s above 0"),
+        ({"sensors.speed_log_lag_s": 0.5}, r"no instrument with sensors.speed_log_lag_s above 0"),
+    ],
+)
+def test_a_late_instrument_is_refused(changes: dict[str, float], why: str) -> None:
+    ship = load_ship("frigate").with_values(changes)
+    with pytest.raises(ObserverError, match=why):
         ShipFilter(ship, list(TRUTH), number_spread=SPREAD, noise=NOISE, state_spread=START)
+
+
+def test_a_speed_that_is_held_is_refused(held_frigate: Ship) -> None:
+    with pytest.raises(ObserverError, match="no drive whose speed is held"):
+        ShipFilter(held_frigate, list(TRUTH), number_spread=SPREAD, noise=NOISE, state_spread=START)
 
 
 def test_the_wake_is_not_told_where_the_inflow_is_measured() -> None:

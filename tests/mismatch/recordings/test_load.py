@@ -191,23 +191,22 @@ def test_an_angle_that_begins_anew_is_refused(load: Load, servo: Ship) -> None:
         load(wrapped, ship=servo)
 
 
-def test_a_speed_that_is_held_is_a_demand(load: Load, frigate: Ship, calm: pd.DataFrame) -> None:
-    tree = frigate.model_dump(exclude_unset=True)
-    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
-    held = Ship.model_validate(tree)
+def test_a_speed_that_is_held_is_a_demand(
+    load: Load, held_frigate: Ship, calm: pd.DataFrame
+) -> None:
     run = calm.drop(columns="fuel_rack_mm")
-    found = load(run, ship=held)
+    found = load(run, ship=held_frigate)
     assert found.channels == tuple(c for c in COLUMNS if c != "fuel_rack_mm")
     assert (found.warnings, found.limits) == ((), ())
     in_rpm = run.assign(shaft_speed_rad_s=run["shaft_speed_rad_s"] * 30.0 / np.pi)
     with pytest.raises(
         RecordingError, match=r"shaft_speed_rad_s looks like rpm .* takes -15 to 15"
     ):
-        load(in_rpm, ship=held)
+        load(in_rpm, ship=held_frigate)
     steady = run.assign(shaft_speed_rad_s=10.0)
-    assert not any("shaft_speed" in said for said in load(steady, ship=held).limits)
+    assert not any("shaft_speed" in said for said in load(steady, ship=held_frigate).limits)
     still = steady.assign(ship_speed_m_s=8.0 + 0.01 * run["ship_speed_m_s"])
-    assert any("dull: shaft_speed_rad_s" in said for said in load(still, ship=held).limits)
+    assert any("dull: shaft_speed_rad_s" in said for said in load(still, ship=held_frigate).limits)
 
 
 AXIS = """[columns]

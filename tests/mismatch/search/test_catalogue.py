@@ -201,11 +201,8 @@ def test_a_drive_without_a_propeller_is_offered_nothing_of_one(servo: Ship) -> N
     assert mistaken_for(drag, bench_tug()) == drag.confused_with
 
 
-def test_a_shaft_whose_speed_is_held_has_friction_behind_its_gauge(frigate: Ship) -> None:
-    tree = frigate.model_dump(exclude_unset=True)
-    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
-    held = Ship.model_validate(tree)
-    found = {e.label for e in applicable(held, ["shaft_torque_N_m", "ship_speed_m_s"])}
+def test_a_shaft_whose_speed_is_held_has_friction_behind_its_gauge(held_frigate: Ship) -> None:
+    found = {e.label for e in applicable(held_frigate, ["shaft_torque_N_m", "ship_speed_m_s"])}
     assert {"coulomb-friction (propeller)", "propeller-roughness (propeller)"} <= found
     assert not any("(engine" in label or "(motor" in label for label in found)
     assert not any("behind" in e.equation for e in applicable(bench_tug(), ["shaft_torque_N_m"]))

@@ -120,14 +120,11 @@ def test_demands_excite_where_they_move_a_twentieth_of_their_size(
     )
 
 
-def test_at_a_speed_that_is_held_the_ships_speed_excites(frigate: Ship) -> None:
-    tree = frigate.model_dump(exclude_unset=True)
-    tree["prime_mover"] = {"type": "speed-command", "speed_max_rad_s": 15.0}
-    held = Ship.model_validate(tree)
+def test_at_a_speed_that_is_held_the_ships_speed_excites(frigate: Ship, held_frigate: Ship) -> None:
     table = steady().assign(shaft_speed_rad_s=10.0, ship_speed_m_s=8.0)
-    assert not JointReplay(held, table).excited
+    assert not JointReplay(held_frigate, table).excited
     slowing = table.assign(ship_speed_m_s=np.linspace(8.0, 6.0, 101))
-    assert JointReplay(held, slowing).excited
+    assert JointReplay(held_frigate, slowing).excited
     assert not JointReplay(frigate, slowing).excited
 
 
