@@ -141,9 +141,9 @@ def _by_output_error(
     then make up for. The frequency is that at what was found, as the ship's own numbers may mislead.
     """
     ship = work.balances.replay.ship
-    tables = [run.table for run in work.balances.replay.runs]
+    runs = [run.table for run in work.balances.replay.runs]
     free = Free(ship, keys or ())
-    ways = [Balances(replayed(ship, *tables, line=line)) for line in (False, True)]
+    ways = [Balances(replayed(ship, *runs, line=line)) for line in (False, True)]
     values: Sequence[float] = free.values
     highest, steps = 0.0, []
     for _ in range(MOST_SEARCHES):
