@@ -42,7 +42,9 @@ def test_ordered_speed_is_held_in_calm_water(ship: Ship, share: float) -> None:
     order = share * float(optimiser.combinator.curve.ship_speed[-1])
     order = max(order, float(optimiser.combinator.curve.ship_speed[0]))
     faster = optimiser.combinator.steady(1.1 * order)
-    log = sail(optimiser, ship, order, LONG[ship.name], start=(faster.fuel_rack, faster.pitch_ratio))
+    log = sail(
+        optimiser, ship, order, LONG[ship.name], start=(faster.fuel_rack, faster.pitch_ratio)
+    )
     assert log[0].ship_speed > 1.05 * order
     assert log[-1].ship_speed == pytest.approx(order, rel=0.01)
 
