@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def test_page_and_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(observer_features, "OBSERVERS", ("none", "oracle"))
     monkeypatch.setattr(observer_features, "Setting", functools.partial(Setting, episode_s=20.0))
-    monkeypatch.setattr(training, "DEFAULTS", training.DEFAULTS._replace(episode_s=20.0))
+    monkeypatch.setattr(training, "DEFAULTS", replace(training.DEFAULTS, episode_s=20.0))
     changes = {"n_envs": 4, "n_timesteps": 128, "legs": 1, "hyperparameters": tiny.PPO}
     page = observer_features.study(
         tmp_path / "out", tmp_path / "work", "transit", 2, 3, changes, 1, "the command"
