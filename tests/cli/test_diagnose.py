@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.diagnosis import PAGE, REPORT, SHIP
+from shaftline.mismatch.diagnosis import SHIP
+from shaftline.mismatch.report.files import PAGE, REPORT
 from shaftline.plant import equilibrium, load_ship
 from shaftline.plant.replay import simulate_recording
 

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from shaftline.agents.evaluation.episodes import Setting
+from shaftline.envs import DEFAULTS
 from shaftline.studies.policies import observer_features
 from shaftline.studies.policies.observer_features import difference, recovered
 
@@ -44,7 +45,7 @@ def test_page_and_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(observer_features, "OBSERVERS", ("none", "oracle"))
     monkeypatch.setattr(observer_features, "Setting", functools.partial(Setting, episode_s=20.0))
-    monkeypatch.setattr(training, "DEFAULTS", replace(training.DEFAULTS, episode_s=20.0))
+    monkeypatch.setattr(training, "DEFAULTS", replace(DEFAULTS, episode_s=20.0))
     changes = {"n_envs": 4, "n_timesteps": 128, "legs": 1, "hyperparameters": tiny.PPO}
     page = observer_features.study(
         tmp_path / "out", tmp_path / "work", "transit", 2, 3, changes, 1, "the command"
