@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from shaftline.mismatch.identify.drive_train import CONSTANT, LOAD, RESISTANCE, SIX, drive_train
-from shaftline.mismatch.identify.freed import freed
+from shaftline.mismatch.identify.free import freed
 from shaftline.mismatch.identify.frequency import FrequencyResponse, modelled
 from shaftline.mismatch.identify.frequency_fit import closed_form, fit, found_by
 from shaftline.plant import Ship, load_ship
