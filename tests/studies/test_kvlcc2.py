@@ -126,6 +126,10 @@ def test_straight_parts_tell_wake_and_a_ratio_of_the_hull(own: Ship) -> None:
     assert found.parameters[numbers.RESISTANCE] == pytest.approx(held, rel=0.03)
     with pytest.raises(ValueError, match="cannot be found"):
         identify(own, *parts, free=numbers.REFUSED[0])
+    by_itself = identify(own, *parts)
+    assert set(by_itself.parameters) == set(numbers.FREE)
+    why = by_itself.left_out[numbers.DEDUCTION]
+    assert why == f"only its combination with {numbers.RESISTANCE} is told"
 
 
 def test_the_best_constant_wake_is_the_one_that_made_the_thrust(own: Ship) -> None:
