@@ -49,8 +49,10 @@ def _fill_inflow(
 class Replay:
     """One recording's inputs, ready to drive a ship many times.
 
-    Demands are held between rows, but a speed at which the shaft is held is linear between them, as are
-    submergence and measured inflow. The inflow at the propeller is then the measured one, whatever wake
+    Demands are held between rows, or drawn as a straight line if so asked: a logged command of a
+    controller holds, a force that was measured, or a command of which a log keeps few rows, does not. A
+    speed at which the shaft is held is linear between rows, as are submergence and measured inflow. The
+    inflow at the propeller is then the measured one, whatever wake
     or current the ship's record has.
 
     Args:
@@ -60,6 +62,7 @@ class Replay:
             over this long; 0 takes the first row's. Of a measured shaft angle, a parabola through as
             much, three rows at least, gives the first angle, and the first speed if that was not
             measured. What was not measured is that of the steady state at the first row's demands.
+        line: whether demands are straight lines between rows instead of held.
 
     Raises:
         RecordingError: no state to start from, or a measured inflow at a hull that moves without a ship
@@ -67,7 +70,9 @@ class Replay:
         ShipError: a delay or motor that does not fit the time step.
     """
 
-    def __init__(self, ship: Ship, table: pd.DataFrame, start_over_s: float = 0.0) -> None:
+    def __init__(
+        self, ship: Ship, table: pd.DataFrame, start_over_s: float = 0.0, line: bool = False
+    ) -> None:
         self.ship = ship
         self.table = table
         time = self._column(TIME)
@@ -81,7 +86,8 @@ class Replay:
         self.command = np.full(self.rows, ship.propeller.pitch_ratio_max)
         if ship.has_variable_pitch and "pitch_ratio_command" in table:
             self.command = self._column("pitch_ratio_command")
-        self.drive, self.pitch = self._held(self.drive_rows), self._held(self.command)
+        between = self._drawn if line else self._held
+        self.drive, self.pitch = between(self.drive_rows), between(self.command)
         if not ship.turns_freely:  # led from each measured speed to the next
             ends = self.dt * np.arange(1.0, len(self.drive) + 1.0)
             self.drive = np.interp(ends, self.time_s, self.drive_rows)
@@ -107,6 +113,11 @@ class Replay:
 
     def _held(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.ascontiguousarray(np.repeat(rows[:-1], self.per_row))
+
+    def _drawn(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A line between rows, as each step's value at its middle."""
+        middles = self.dt * (np.arange((self.rows - 1) * self.per_row) + 0.5)
+        return np.ascontiguousarray(np.interp(middles, self.time_s, rows))
 
     def _continuous(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         fine = np.arange(2 * (self.rows - 1) * self.per_row + 1) * (0.5 * self.dt)

@@ -21,6 +21,8 @@ class Found:
         tables: what the method shows on the way, by file name without extension: states, frequency
             responses, the search's steps.
         remarks: what a reader must know of it, a sentence each.
+        score: 2 log L where the method has one, else 0.
+        line: whether the demands were taken as straight lines between rows instead of held.
     """
 
     keys: tuple[str, ...]
@@ -28,6 +30,8 @@ class Found:
     covariance: NDArray[np.float64]
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    score: float = 0.0
+    line: bool = False
 
     @property
     def standard_errors(self) -> NDArray[np.float64]:

@@ -35,6 +35,9 @@ REACH = 1.0
 """Standard deviation that a step is given beforehand, as a share of the number: it damps the step where
 the recording says little, and draws to nothing, being about the last value."""
 
+LEAST_REACH = 30.0
+"""The same in standard errors, for a number at or near 0."""
+
 
 class OutputError:
     """The search for some numbers on one fitter.
@@ -105,9 +108,13 @@ class OutputError:
             size = min(max(10.0 * size, 0.1 * min(error, 1e3 * size)), most)
         return column, size
 
-    def search(self) -> tuple[list[float], Fit]:
-        """The numbers at which 2 log L is highest, from the ship's own on, and what is left there."""
-        values = list(self.free.values)
+    def search(self, start: Sequence[float] | None = None) -> tuple[list[float], Fit]:
+        """The numbers at which 2 log L is highest, and what is left there.
+
+        Args:
+            start: of the search; the ship's own by default.
+        """
+        values = list(self.free.values if start is None else start)
         fit = self.scored(values)
         self._note(values, fit)
         for count in range(MOST_STEPS):
@@ -138,9 +145,7 @@ class OutputError:
 
     def _step(self, values: Sequence[float], fit: Fit, columns: Any) -> NDArray[np.float64]:
         """The Gauss-Newton step, the covariance of what is left after it being its weight."""
-        reach = np.array(
-            [REACH * abs(v) or 1e3 * s for v, s in zip(values, self._sizes, strict=True)]
-        )
+        reach = np.maximum(REACH * np.abs(values), LEAST_REACH * np.array(self._sizes))
         regressors = np.concatenate([columns * reach[:, None, None], self.fitter.nuisance])
         start = np.concatenate([np.zeros(len(reach)), fit.tolerances])
         found = Likelihood(self.fitter.bands, regressors)(fit.difference, start)
@@ -173,44 +178,54 @@ class OutputError:
         )
 
 
-def output_error(fitter: Fitter, free: Free, tick: Tick = silent) -> Found:
+def output_error(
+    fitter: Fitter, free: Free, tick: Tick = silent, start: Sequence[float] | None = None
+) -> Found:
     """Numbers by output error.
 
     Args:
         fitter: of the recordings, with these numbers free.
         free: the numbers.
         tick: told how far the search is.
+        start: of the search; the ship's own by default.
 
     Raises:
-        ValueError: numbers of which the recording only tells a ratio or a product, or one that it does
-            not tell at all; names them.
+        ValueError: numbers of which the recording only tells a ratio or a product; names them.
     """
     search = OutputError(fitter, free, tick)
-    values, fit = search.search()
+    values, fit = search.search(start)
     covariance = search.covariance(values, fit)
     colour = Whiteness(fitter, fitter.balances.replay.noise_rms).colour(fit)
     remarks: tuple[str, ...] = ()
     if colour is not None:
         name = fitter.balances.names[colour.balance]
+        told = f"{colour.ratio:.3g}" if colour.ratio < 1e4 else "more than 10 000"
         remarks = (
-            f"what is left in the {name} balance is not noise: {colour.ratio:.3g} times the "
+            f"what is left in the {name} balance is not noise: {told} times the "
             f"instruments' power at {colour.low_Hz:.3g} to {colour.high_Hz:.3g} Hz; some physics is "
             "missing, and the numbers may have taken its place",
         )
-    _refuse_untold(free.keys, values, covariance)
     return Found(
-        free.keys, tuple(values), covariance, {"search": pd.DataFrame(search.steps)}, remarks
+        free.keys,
+        tuple(values),
+        covariance,
+        {"search": pd.DataFrame(search.steps)},
+        remarks,
+        fit.score,
     )
 
 
-def _refuse_untold(
-    keys: Sequence[str], values: Sequence[float], covariance: NDArray[np.float64]
-) -> None:
-    """Refuse a number of which the recording says next to nothing."""
-    errors = np.sqrt(np.diag(covariance))
-    for key, value, error in zip(keys, values, errors, strict=True):
-        if abs(value) > 0.0 and error > abs(value) * UNTOLD:
+def refuse_untold(found: Found, free: Free) -> None:
+    """Refuse a number of which the recording says next to nothing.
+
+    Of one whose absence is 0, as an offset's or a friction's, an interval about 0 says something.
+
+    Raises:
+        ValueError: names it.
+    """
+    for number, value, error in zip(free.numbers, found.values, found.standard_errors, strict=True):
+        if number.info.neutral is None and error > abs(value) * UNTOLD:
             raise ValueError(
-                f"{key} cannot be found: the recording does not excite it (found {value:.4g}, standard "
-                f"error {error:.2g})"
+                f"{number.key} cannot be found: the recording does not excite it (found {value:.4g}, "
+                f"standard error {error:.2g})"
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -18,10 +19,10 @@ Segments = list[tuple[int, int]]
 """First row of each stretch, and one past its last."""
 
 
-def bands_of(balances: Balances, segments: Segments) -> Bands:
-    """Bands of some segments, up to four fifths of the Nyquist frequency."""
+def bands_of(balances: Balances, segments: Segments, highest_Hz: float = math.inf) -> Bands:
+    """Bands of some segments, up to four fifths of the Nyquist frequency or a lower one."""
     interval = balances.replay.interval_s
-    return make_bands(segments, interval, len(balances.names), 0.4 / interval)
+    return make_bands(segments, interval, len(balances.names), min(0.4 / interval, highest_Hz))
 
 
 def set_aside(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]:

@@ -71,8 +71,8 @@ class Bands:
         return np.asarray(pooled[..., self.order])
 
 
-def _taper(n: int) -> NDArray[np.float64]:
-    """Split cosine bell (Tukey window)."""
+def taper(n: int) -> NDArray[np.float64]:
+    """Split cosine bell (Tukey window) of n samples."""
     edge = max(1, round(TAPER_SHARE * n))
     window = np.ones(n)
     ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
@@ -109,7 +109,7 @@ def make_bands(
         last = int(np.searchsorted(ordered, ordered[first] * BAND_RATIO, side="right"))
         last = max(last, first + least)
         edges.append(len(ordered) if len(ordered) - last < least else last)
-    tapers = tuple(_taper(b - a) for a, b in segments)
+    tapers = tuple(taper(b - a) for a, b in segments)
     return Bands(
         tuple(a for a, _ in segments), tuple(b for _, b in segments), interval_s,
         np.array(edges), order, ordered, np.concatenate(weight)[order], tapers,

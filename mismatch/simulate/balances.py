@@ -14,8 +14,9 @@ smear over the others, as it does in the channels of an open-loop simulation.
 
 Where a recording has the shaft's angle and not its speed, the speed is the angle's derivative at the
 recording's interval. The residual is a coordinate, not the model: it is formed alike from measured and
-from simulated signals, and what is compared is their difference. Without a torque gauge, engine and
-propeller are one balance. A drive that holds its speed has no balance.
+from simulated signals, and what is compared is their difference; so lags and Coulomb friction may be
+left out of it. Without a torque gauge, engine and propeller are one balance. A drive that holds its
+speed has no balance.
 """
 
 from __future__ import annotations
@@ -90,6 +91,8 @@ class Balances:
         self.replay = replay
         self.plant = replay.ship.record()
         self._prompt = without_lags(self.plant)
+        # a jump at standstill makes a torque of one sign of a noisy speed's wander about 0
+        self._prompt["coulomb_engine_side"] = self._prompt["coulomb_propeller_side"] = 0.0
         self.moving = replay.ship.moves and "ship_speed_m_s" in replay.channels
         self.gauged = "shaft_torque_N_m" in replay.channels
         self.prime_mover = replay.ship.drive_balance

@@ -44,15 +44,17 @@ class JointReplay:
     Args:
         ship: the nominal ship.
         tables: canonical columns at an even interval, all finite; equal columns and intervals.
+        line: whether demands are straight lines between rows instead of held.
 
     Raises:
         ValueError: recordings that do not go together.
     """
 
-    def __init__(self, ship: Ship, *tables: pd.DataFrame) -> None:
+    def __init__(self, ship: Ship, *tables: pd.DataFrame, line: bool = False) -> None:
         self.ship = ship
+        self.line = line
         over = START_STEPS * ship.time_step_s
-        self.runs = [Replay(ship, table, over) for table in tables]
+        self.runs = [Replay(ship, table, over, line) for table in tables]
         first = self.runs[0]
         self.interval_s = first.interval_s
         self.controllable = ship.has_variable_pitch

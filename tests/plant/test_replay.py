@@ -145,6 +145,18 @@ def test_demands_are_held_and_what_the_water_does_is_not(frigate: Ship) -> None:
     assert replay.resistance_factor.tolist() == [1.0] * 17
 
 
+def test_demands_may_be_lines_between_rows(frigate: Ship) -> None:
+    """Each step has the line's value at its middle; without steps between rows, the rows' mean."""
+    rack = np.array([20.0, 22.0, 20.0])
+    table = plain(3, interval=0.2, fuel_rack_mm=rack, pitch_ratio_command=[1.4, 1.4, 1.2])
+    found = Replay(frigate, table, line=True)
+    assert found.per_row == 4
+    assert found.drive == pytest.approx([20.25, 20.75, 21.25, 21.75, 21.75, 21.25, 20.75, 20.25])
+    assert found.pitch[4:] == pytest.approx([1.375, 1.325, 1.275, 1.225])
+    close = Replay(frigate, table.assign(time_s=[0.0, 0.05, 0.1]), line=True)
+    assert close.drive == pytest.approx([21.0, 21.0])
+
+
 def test_channels_are_those_measured(frigate: Ship) -> None:
     table = plain(thrust_N=2e5, shaft_speed_rad_s=10.0, remark=1.0)
     assert Replay(frigate, table).channels == ["shaft_speed_rad_s", "thrust_N"]

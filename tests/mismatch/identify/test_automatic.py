@@ -36,9 +36,12 @@ def test_without_gauge_and_log_less_is_told() -> None:
 
 
 def test_of_a_ratio_one_is_left_as_it_is() -> None:
+    """KQ and eta_R act as their product; and no speed alone tells the torques' common factor."""
     tug = bench_tug().with_values({ETA_R: 0.98})
     balances = Balances(JointReplay(tug, tug_run()))
     keys, left = told_by(balances, balances.replay.segments)
-    assert len({KQ, ETA_R} & set(keys)) == 1
-    (other,) = {KQ, ETA_R} & set(left)
-    assert "combination" in left[other]
+    assert len(keys) == 4
+    assert left.keys() >= {ETA_R}
+    assert left[ETA_R] == f"only its combination with {KQ} is told"
+    (other,) = left.keys() - {ETA_R}
+    assert "only its combination" in left[other]

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.mismatch.identify.found import Found
 from shaftline.mismatch.identify.free import Free
-from shaftline.mismatch.identify.output_error import OutputError, output_error
+from shaftline.mismatch.identify.output_error import OutputError, output_error, refuse_untold
 from shaftline.mismatch.judge.held_out import bands_of
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.simulate.balances import Balances
@@ -83,3 +84,13 @@ def test_columns_are_derivatives() -> None:
     beside = fitter.predicted(free.record((3306.2 + small,)))
     slope = (beside - fitter.predicted(ship.record())) / small
     assert np.linalg.norm(column - slope) < 0.02 * np.linalg.norm(slope)
+
+
+def test_a_number_whose_absence_is_found_is_not_refused(servo: Ship) -> None:
+    """No offset acts: an interval about 0 says so; an inertia that sure would be no inertia."""
+    free = Free(servo, ("prime_mover.torque_offset_N_m",))
+    found = Found(free.keys, (0.01,), np.array([[0.3**2]]))
+    refuse_untold(found, free)
+    unsure = Free(servo, (INERTIA,))
+    with pytest.raises(ValueError, match=r"inertia.* cannot be found.*found 90, standard error 91"):
+        refuse_untold(Found(unsure.keys, (90.0,), np.array([[91.0**2]])), unsure)

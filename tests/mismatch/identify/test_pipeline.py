@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Identification, diagnose, identify
-from shaftline.plant import Ship, load_ship
+from shaftline.plant import Ship, load_ship, simulate_recording
 
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
@@ -110,3 +110,52 @@ def test_the_summary_tells_numbers_and_doubts(found: Identification) -> None:
     assert "strongest correlation: hull.resistance" in said
     assert "set aside before anything was fitted" in said
     assert np.allclose(np.diag(found.correlation), 1.0)
+
+
+SERVO = {
+    INERTIA: 60.0,
+    "transmission.viscous_friction_engine_side_N_m_s_rad": 300.0,
+    "transmission.coulomb_friction_engine_side_N_m": 12.0,
+    "prime_mover.torque_offset_N_m": 0.0,
+}
+
+
+def swung(servo: Ship, every: int) -> tuple[Ship, pd.DataFrame]:
+    """A servo with friction and an offset, under a smooth torque; every so manieth row of 1 kHz."""
+    truth = servo.with_values(
+        {
+            "transmission.coulomb_friction_engine_side_N_m": 20.0,
+            "prime_mover.torque_offset_N_m": 3.0,
+        }
+    )
+    time = 0.001 * np.arange(20_001)
+    torque = 60.0 * np.sin(2.0 * time) + 40.0 * np.sin(0.8 * time**1.5)
+    table = pd.DataFrame({"time_s": time, "motor_torque_N_m": torque, "shaft_speed_rad_s": 0.0})
+    noise = 1e-4 * np.random.default_rng(2).standard_normal(len(time))
+    table["shaft_speed_rad_s"] = simulate_recording(truth, table)["shaft_speed_rad_s"] + noise
+    return truth, table.iloc[::every].reset_index(drop=True)
+
+
+def test_of_a_force_of_which_few_rows_were_kept_lines_are_drawn(servo: Ship) -> None:
+    """Held, it would be 20 ms late on average: a tenth of the shaft's response at its fastest."""
+    truth, table = swung(servo, 40)
+    start = servo.with_values(SERVO)
+    found = identify(start, table, free=list(SERVO))
+    for key, value in found.parameters.items():
+        assert value == pytest.approx(truth.number(key).value, rel=0.02), key
+    assert any(
+        said.startswith("the demands are taken as straight lines") for said in found.warnings
+    )
+    assert {"highest_Hz", "2logL", *SERVO} == set(found.tables["search"])
+
+
+def test_a_demand_that_holds_is_held(servo: Ship) -> None:
+    rng = np.random.default_rng(3)
+    table = pd.DataFrame({"time_s": 0.04 * np.arange(1000)})
+    table["motor_torque_N_m"] = np.repeat(rng.uniform(-90.0, 90.0, 100), 10)
+    table["shaft_speed_rad_s"] = 0.0
+    noise = 1e-4 * rng.standard_normal(len(table))
+    table["shaft_speed_rad_s"] = simulate_recording(servo, table)["shaft_speed_rad_s"] + noise
+    found = identify(servo.with_values({INERTIA: 60.0}), table, free=[INERTIA])
+    assert found.parameters[INERTIA] == pytest.approx(95.0, rel=2e-3)
+    assert not found.warnings

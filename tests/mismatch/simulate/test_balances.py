@@ -75,11 +75,11 @@ def residuals(ship: Ship, recording: pd.DataFrame) -> dict[str, Any]:
 
 
 def by_hand() -> dict[str, Any]:
-    """Torques [N m], thrust [N] and current [A] of the bench."""
+    """Torques [N m], thrust [N] and current [A] of the bench; Coulomb friction is no coordinate."""
     turns = SPEED / (2.0 * math.pi)
     current = (np.minimum(VOLTS, 30.0) - 0.12 * 3.0 * SPEED) / 0.6
     return {
-        "drive": 0.12 * current * 3.0 * 0.9 - 0.5,
+        "drive": 0.12 * current * 3.0 * 0.9,
         "load": 1000.0 * turns**2 * 0.2**5 * 0.05 / 0.8 + 0.02 * SPEED,
         "thrust": 1000.0 * turns**2 * 0.2**4 * 0.4,
         "current": current,
