@@ -237,16 +237,15 @@ def _carried(found: Findings, table: pd.DataFrame) -> str:
             f"- **{UNSEEN}, unseen: {unseen['thrust_before_N']:.2f} → "
             f"{unseen['thrust_small_drift_N']:.2f} N**, where no constant wake comes below "
             f"{unseen['thrust_least_N']:.2f}. Before the first order gives "
-            f"{unseen['thrust_before_rudder_N']:.2f} N: next to nothing.",
+            f"{unseen['thrust_before_rudder_N']:.2f} N: nothing.",
             f"- Of the other twelve, {lower} come nearer"
-            + (f" ({worse} does not)" if worse else "")
-            + f". The straight parts' w is about what the twelve whole zig-zags would ask for "
-            f"({whole:.3f}, by least squares of their thrust), though the parts are all from "
-            f"{', '.join(sorted(own))}.",
+            + (f" (not {worse})" if worse else "")
+            + f". Their whole zig-zags together would ask for w = {whole:.3f} (least squares of the "
+            f"thrust); the straight parts are all from {', '.join(sorted(own))}.",
             f"- **It is little.** The bound itself takes off {shares.min():.0%} to {shares.max():.0%}. "
             "What is left is a wake that follows the drift angle at the propeller, to either side "
             "differently, and the speed, and no constant number describes it.",
-            f"- **Torque** gains nothing: {unseen['torque_before_N_m'] * 1e3:.0f} → "
+            f"- **Torque** gains next to nothing: {unseen['torque_before_N_m'] * 1e3:.0f} → "
             f"{unseen['torque_small_drift_N_m'] * 1e3:.0f} mN m on {UNSEEN}, "
             f"{seen['torque_before_N_m'].mean() * 1e3:.0f} → "
             f"{seen['torque_small_drift_N_m'].mean() * 1e3:.0f} on average of the others. The eta_R of "
@@ -283,13 +282,12 @@ def _hangs(found: Findings) -> str:
     own = next(e for e in found.small.estimates if e.key == WAKE)
     low, high = own.ci95
     return (
-        f"With the start left out, w lies between {w.min():.3f} and {w.max():.3f}, wider than any one "
-        f"interval ({low:.3f} to {high:.3f} with the limits used). The largest rests "
-        f"on {int(settled['parts'].iloc[int(np.argmax(w))])} parts, too few to show how parts differ. "
-        "The "
-        "limits used are the first that were tried. They were set by drift, yaw and rudder alone, "
-        "but with "
-        f"the thrust of all thirteen runs in view, {UNSEEN} among them."
+        f"With the start left out, w lies between {w.min():.3f} and {w.max():.3f}; the interval is "
+        f"{low:.3f} to {high:.3f} with the limits used. The largest w rests on "
+        f"{int(settled['parts'].iloc[int(np.argmax(w))])} parts, too few to show how parts differ, and "
+        "its interval is too narrow. The limits used are the first that were tried. They were set by "
+        "drift, yaw and rudder alone, but with the thrust of all thirteen runs in view, "
+        f"{UNSEEN} among them."
     )
 
 

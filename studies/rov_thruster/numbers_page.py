@@ -123,7 +123,7 @@ def _conclusions(found: Sequence[Refit], table: pd.DataFrame, diagnosed: pd.Data
             f"{_span(told['rms_least_rad_s'] / told['rms_before_rad_s'])}. K_e comes out at "
             f"{_span(constants)} times the owners', and its intervals are of no use: {warned} of "
             f"{len(first)} times the tool says that what is left is no noise.",
-            f"- **Physics named, the numbers help a little.** With friction free beside them the ratio "
+            f"- **Physics named, the numbers hardly matter.** With friction free beside them the ratio "
             f"is {_span(friction[ratio])}, with the dead zone {_span(zone[ratio])}; the diagnosis, "
             f"which moves nothing else, is beaten on {_better(friction, said[CONSTANTS])} and "
             f"{_better(zone, said[CONSTANTS])} of {len(zone)} sines and ramps.",
