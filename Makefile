@@ -47,6 +47,9 @@ results: $(INSTALLED)
 	$(BIN)/python -m shaftline.studies.tito_neri.effects --out docs/results
 	$(BIN)/python -m shaftline.studies.tito_neri.rig_page --out docs/results
 	@# recordings are their owners' and stay outside; SHAFTLINE_DATA is the folder that holds them
+	if [ -d "$(SHAFTLINE_DATA)/recordings/emps" ]; then \
+	    $(BIN)/python -m shaftline.studies.emps --out docs/results \
+	        --recordings "$(SHAFTLINE_DATA)/recordings/emps"; fi
 	if [ -d "$(SHAFTLINE_DATA)/recordings/rov_thruster" ]; then \
 	    $(BIN)/python -m shaftline.studies.rov_thruster --out docs/results \
 	        --recordings "$(SHAFTLINE_DATA)/recordings/rov_thruster"; fi

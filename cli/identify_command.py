@@ -18,7 +18,8 @@ def identify(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Recordings (CSV or Parquet) of one condition of the ship, fitted together.",
+            help="Recordings (CSV or Parquet) of one condition of the ship, fitted together; by "
+            "`steady` also tables of points, a row each steady state, without time_s.",
             metavar="RECORDING...",
             show_default=False,
         ),

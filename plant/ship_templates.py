@@ -111,20 +111,12 @@ def _acts(ship: Ship, section: Section, info: FieldInfo) -> bool:
     if info.is_required() or _is_table(info):
         return False
     if isinstance(section, Tolerances):
-        return any(_answers(ship, key) for key in spoken_of(info))
+        return any(ship.has_key(key) for key in spoken_of(info))
     needs = f"{section.needs} {needs_of(info)}".split()
     number = place_of(info) is not None or isinstance(info.default, float)
     return (
         number and not required_when(info) and all(getattr(ship, n) for n in needs if n in LACKING)
     )
-
-
-def _answers(ship: Ship, key: str) -> bool:
-    try:
-        ship.number(key)
-    except ShipError:
-        return False
-    return True
 
 
 def _is_table(info: FieldInfo) -> bool:

@@ -7,6 +7,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from markupsafe import Markup
 from matplotlib.ticker import MaxNLocator
 
@@ -110,13 +111,15 @@ def _correlation(identification: Identification) -> list[str]:
 
 
 def _search(identification: Identification) -> list[str]:
-    """How far 2 log L was below its best, and how far the numbers from their last values."""
+    """How far each search's 2 log L was below its best, and the numbers from their last values."""
     table = identification.tables.get("search")
     if table is None or len(table) < 2:
         return []
-    score = table["2logL"].to_numpy()
+    bands = table.get("highest_Hz", pd.Series(0.0, table.index))
+    searches = table["2logL"].groupby(bands, sort=False)
+    left = (searches.transform("last") - table["2logL"]).to_numpy()
     figure, axes = panel("What was still to be gained", "step", "2 log L below the best")
-    axes.semilogy(np.maximum(score[-1] - score, 1e-3), "o-", color=AFTER, markersize=4)
+    axes.semilogy(np.maximum(left, 1e-3), "o-", color=AFTER, markersize=4)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     drawn = [svg(figure, "2 log L over the steps of the search", "s0")]
     figure, axes = panel("The numbers on the way", "step", "of the change made [%]")

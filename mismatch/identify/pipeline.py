@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,6 +27,7 @@ from .found import Found
 from .free import AUTO, Free
 from .identification import Identification
 from .output_error import output_error, refuse_untold
+from .points import points_of
 from .sine import sine
 from .steady import steady
 from .step import step
@@ -55,7 +56,8 @@ def identify(
 
     Args:
         ship: the nominal ship.
-        recordings: to be fitted, together; as of :func:`shaftline.mismatch.diagnose`.
+        recordings: to be fitted, together; as of :func:`shaftline.mismatch.diagnose`. By ``steady``
+            also tables of points, a row each steady state, without ``time_s``.
         free: dotted keys of the numbers to find, or ``auto`` for those that the recordings tell.
         method: one of :data:`METHODS`.
         hold_out: recordings to judge on; without any, a quarter of the longest is set aside where the
@@ -79,6 +81,14 @@ def identify(
         Free(ship, free)  # refused before anything is read
     elif free != AUTO:
         raise ValueError(f"free = {free!r}: a list of keys is needed, or {AUTO!r}")
+    keys = None if isinstance(free, str) else tuple(free)
+    if method == "steady" and (points := points_of(ship, recordings, columns)) is not None:
+        if hold_out:
+            raise ValueError(
+                "steady states given as points are fitted whole; set no recording aside"
+            )
+        found = steady(ship, points, keys, tick)
+        return _identification(method, ship, found, warnings=[*found.remarks])
     together = load_jointly(ship, recordings, hold_out, columns, tick)
     with threadpool_limits(1, "blas"):
         balances = Balances(JointReplay(ship, *together.tables))
@@ -89,7 +99,6 @@ def identify(
             else (balances.replay.segments, [])
         )
         left_out: dict[str, str] = {}
-        keys = None if isinstance(free, str) else tuple(free)
         if keys is None and METHODS[method].cut:
             tick("which numbers are told", 0, 1)
             keys, left_out = told_by(balances, train)
@@ -192,7 +201,9 @@ METHODS: dict[str, Method] = {
         "any recording of white noises: states and numbers together, row by row",
         cut=True,
     ),
-    "steady": Method(_whole(steady), "plateaus: least squares on steady states"),
+    "steady": Method(
+        _whole(steady), "plateaus, or a table of points: least squares on steady states"
+    ),
     "step": Method(_whole(step), "one step of a motor's voltage: inertia and inductance"),
     "sine": Method(_whole(sine), "sines of a motor's voltage: frequency response by correlation"),
     "welch": Method(_whole(welch), "noise on a motor's voltage: frequency response and coherence"),
@@ -208,25 +219,17 @@ def _judged(
     together: JointRecordings,
     left_out: dict[str, str],
 ) -> Identification:
-    """What a method found, as a ship, beside the nominal one on what was set aside."""
+    """What a method found, beside the nominal ship on what was set aside."""
     replay = balances.replay
-    ship = replay.ship
-    free = Free(ship, found.keys)
-    identified = _known_as(free.at(found.values), found)
-    after = replay.simulated(replay.simulate(identified.record()))
     rows = np.concatenate([np.arange(a, b) for a, b in held or replay.segments])
     interval = replay.interval_s
-    return Identification(
-        method=method,
-        ship=ship,
-        identified=identified,
-        estimates=tuple(
-            Estimate(n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e))
-            for n, v, e in zip(free.numbers, found.values, found.standard_errors, strict=True)
-        ),
-        correlation=found.correlation,
+    identified = _identified(replay.ship, found)
+    after = replay.simulated(replay.simulate(identified.record()))
+    return _identification(
+        method,
+        replay.ship,
+        found,
         left_out=left_out,
-        tables=found.tables,
         time_s=replay.time_s,
         held_out=[(a * interval, b * interval) for a, b in held],
         measured=replay.recorded,
@@ -239,12 +242,30 @@ def _judged(
     )
 
 
-def _known_as(ship: Ship, found: Found) -> Ship:
-    """The ship that says of each number that was found how well it is known."""
+def _identification(method: str, ship: Ship, found: Found, **judged: Any) -> Identification:
+    """What a method found, as a ship."""
+    free = Free(ship, found.keys)
+    return Identification(
+        method=method,
+        ship=ship,
+        identified=_identified(ship, found),
+        estimates=tuple(
+            Estimate(n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e))
+            for n, v, e in zip(free.numbers, found.values, found.standard_errors, strict=True)
+        ),
+        correlation=found.correlation,
+        tables=found.tables,
+        **judged,
+    )
+
+
+def _identified(ship: Ship, found: Found) -> Ship:
+    """The ship with the numbers that were found, and how well each is known."""
     numbers = dict(ship.tolerances.numbers)
     for key, error in zip(found.keys, found.standard_errors, strict=True):
         if ship.has_key(
             key
         ):  # else the record holds it in another form, and nothing is known of it
             numbers[key] = float(error)
-    return ship.with_values({"tolerances.numbers": numbers})
+    known = Free(ship, found.keys).at(found.values)
+    return known.with_values({"tolerances.numbers": numbers})

@@ -31,6 +31,59 @@ def test_numbers_are_found_and_written(shaftline: Command, trial: Path, tmp_path
     assert load_ship(out / "identified_ship.toml").hull.mass_kg == pytest.approx(3.6e6, rel=0.03)
 
 
+POINTS = """\
+motor_voltage_V,shaft_speed_rad_s,motor_current_A
+2.11,31.2,1.40
+4.03,58.7,2.44
+5.89,83.7,3.74
+7.76,107.7,5.30
+9.62,130.6,7.10
+"""
+
+
+def test_a_table_of_steady_states_needs_no_time(shaftline: Command, tmp_path: Path) -> None:
+    file, out = tmp_path / "points.csv", tmp_path / "out"
+    file.write_text(POINTS)
+    common = ("--ship", "tito-neri-staircase", "--method", "steady", "--out", out)
+    done = shaftline("identify", file, *common)
+    assert done.exit_code == 0, done.output
+    assert "5 steady states" in done.output
+    assert {p.name for p in out.iterdir()} >= {
+        "identified_ship.toml",
+        "steady-states.csv",
+        "fit.csv",
+    }
+    refused(shaftline("identify", file, *common, "--hold-out", file), "are fitted whole")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a,b\n1,2\n3,4\n", "column 'time_s' is missing; found: a, b"),
+        (POINTS.replace("3.74", "x"), "motor_current_A, row 3: 'x' is not a finite number"),
+        (POINTS.replace("shaft_speed", "speed"), "column 'shaft_speed_rad_s' is missing"),
+        (POINTS.replace("130.6", "1e7"), "shaft_speed_rad_s, row 5: 1e+07 rad/s lies outside"),
+    ],
+)
+def test_a_table_of_points_that_is_none_is_refused(
+    shaftline: Command, tmp_path: Path, text: str, words: str
+) -> None:
+    file, out = tmp_path / "points.csv", tmp_path / "out"
+    file.write_text(text)
+    common = ("--ship", "tito-neri-staircase", "--method", "steady", "--out", out)
+    refused(shaftline("identify", file, *common), words)
+    nothing_written(tmp_path, file.name)
+
+
+def test_points_and_recordings_do_not_go_together(
+    shaftline: Command, trial: Path, tmp_path: Path
+) -> None:
+    file, out = tmp_path / "points.csv", tmp_path / "out"
+    file.write_text(POINTS)
+    common = ("--ship", "tito-neri-staircase", "--method", "steady", "--out", out)
+    refused(shaftline("identify", file, trial, *common), "do not go together")
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
