@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ ADVANCE_SPEEDS, THRUSTS = 15, 13
 
 _TRIALS = (161, 81)  # shaft speeds and pitches of the search that SLSQP starts from
 _NO_REACH = 0.7  # share of the least thrust at which the surface has nothing more to say
+_STEP = 1.5e-8  # of the forward differences [-]
 _LEAST_J = 0.02  # of the working range: at J = 0 the efficiency vanishes whatever one does
 
 
@@ -95,6 +97,15 @@ class _Optimum:
             self.torque_share - w.torque_share, w.efficiency_slope, 1.0 - w.burrill, w.advance_room
         ]  # fmt: skip
 
+    def slopes(self, x: Any, asked: Callable[[Any], Any]) -> NDArray[np.float64]:
+        """Forward differences of what is asked at x, from inside the bounds; x in the last axis."""
+        here, found = np.asarray(asked(x)), []
+        for i, (_, high) in enumerate(self.bounds):
+            moved = np.array(x)
+            moved[i] += _STEP if x[i] + _STEP <= high else -_STEP
+            found.append((np.asarray(asked(moved)) - here) / (moved[i] - x[i]))
+        return np.array(found).T
+
     def best(self, thrust: float) -> tuple[NDArray[np.float64], bool]:
         """Optimal x at a thrust [N] and whether SLSQP converged to it."""
         near = self.trials[np.argsort(np.abs(self.trials[:, 2] / thrust - 1.0))[:60]]
@@ -113,10 +124,11 @@ class _Optimum:
             cost,
             start,
             method="SLSQP",
+            jac=functools.partial(self.slopes, asked=cost),  # SciPy's own costs twice the problem
             bounds=self.bounds,
             constraints=[
-                {"type": "eq", "fun": shortfall},
-                {"type": "ineq", "fun": self.room},
+                {"type": kind, "fun": asked, "jac": functools.partial(self.slopes, asked=asked)}
+                for kind, asked in (("eq", shortfall), ("ineq", self.room))
             ],
             options={"maxiter": 100, "ftol": 1e-9},
         )

@@ -10,8 +10,9 @@ import typer
 from .. import mismatch
 from ..core.sweep import check_backend
 from ..mismatch import Options
-from ..mismatch.diagnosis import PAGE, REPORT, SHIP
+from ..mismatch.diagnosis import SHIP
 from ..mismatch.folder import recordings_in
+from ..mismatch.report.files import PAGE, REPORT
 from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE
 from ..plant import Ship, load_ship
 from .console import (

@@ -5,15 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..core.files import write_json, write_text
-from ..plant.ship_files import write_ship
 from .outcome import Outcome
 from .report.data import as_dict
+from .report.files import write_result
 from .report.sentences import sentence
 from .report.text import summary
 
-REPORT, PAGE, SHIP = "report.json", "report.html", "corrected_ship.toml"
-"""Names of the files of a diagnosis."""
+SHIP = "corrected_ship.toml"
+"""Name of the file of a diagnosis that holds its ship."""
 
 
 class Diagnosis(Outcome):
@@ -50,16 +49,12 @@ class Diagnosis(Outcome):
         Raises:
             OSError: the folder cannot be written to.
         """
-        folder, report, text = Path(folder), self.to_dict(), ""
+        text = None
         if page:
             from .report.html import report_html  # draws
 
             text = report_html(self)
-        write_json(folder / REPORT, report)
-        write_ship(self.corrected, folder / SHIP)
-        if page:
-            write_text(folder / PAGE, text)
-        return folder
+        return write_result(folder, self.to_dict(), text, {SHIP: self.corrected})
 
     def __repr__(self) -> str:
         """Verdict and ship; the fields hold arrays as long as the recording."""

@@ -19,10 +19,11 @@ from ..core.files import write_text
 from ..core.sweep import source_digest, sweep
 from ..plant.recording import read_table
 from ..plant.ship import Ship
-from .diagnosis import PAGE, REPORT, SHIP
+from .diagnosis import SHIP
 from .options import Options
 from .pipeline import diagnose
 from .recordings.columns import DATE_TIME, load_map
+from .report.files import PAGE, REPORT
 from .report.index import DiagnosisIndex, row_of
 
 ENDINGS = (".csv", ".parquet", ".pq")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
+from numpy.typing import NDArray
 
 from .derivatives import STEP
 from .dynamics import evaluate
@@ -45,36 +47,75 @@ def linearise(
     Raises:
         ValueError: an output that does not exist.
     """
+    plant = ship.record()
+    states = active_states(plant)
+    found = tangent(plant, point.state, point.inputs, point.outputs.pitch_ratio, states, outputs)
+    return control.ss(
+        found.a, found.b, found.c, found.d,
+        states=states, inputs=list(INPUTS), outputs=list(outputs), name=ship.name,
+    )  # fmt: skip
+
+
+class Tangent(NamedTuple):
+    """The plant about any point, to first order: rates and values there, and their slopes."""
+
+    rates: NDArray[np.float64]  # of the states, shape (n,); 0 in a steady state
+    values: NDArray[np.float64]  # of the outputs, shape (p,)
+    a: NDArray[np.float64]  # rates by states, shape (n, n)
+    b: NDArray[np.float64]  # rates by the inputs of :data:`INPUTS`, shape (n, 4)
+    c: NDArray[np.float64]  # outputs by states, shape (p, n)
+    d: NDArray[np.float64]  # outputs by inputs, shape (p, 4)
+
+
+def tangent(
+    plant: Any,
+    state: State,
+    inputs: Inputs,
+    blade: Any,
+    states: Sequence[str],
+    outputs: Sequence[str],
+) -> Tangent:
+    """Rates and outputs with their derivatives, by complex steps.
+
+    Args:
+        plant: ship record.
+        state: where.
+        inputs: what acts there.
+        blade: pitch ratio of the blades before [-], of a mechanism that has play.
+        states: names of those that move.
+        outputs: names of states or of algebraic outputs.
+
+    Raises:
+        ValueError: an output that does not exist.
+    """
     known = {*State._fields, *Outputs._fields}
     for name in outputs:
         if name not in known:
             raise ValueError(f"unknown output {name!r}; known: {', '.join(sorted(known))}")
-    plant = ship.record()
-    states = active_states(plant)
-    state = State(*(complex(value) for value in point.state))
-    acting: Any = [complex(value) for value in point.inputs]  # all of one type, for the kernel
-    inputs = Inputs(*acting)
-    blade = float(np.real(point.outputs.pitch_ratio))
+    here = State(*(complex(value) for value in state))
+    acting: Any = [complex(value) for value in inputs]  # all of one type, for the kernel
+    acts = Inputs(*acting)
+    held = float(np.real(blade))
 
-    def derivatives(shifted: State, acted: Inputs) -> tuple[list[float], list[float]]:
-        if not ship.turns_freely:  # then an input, and no state
+    def found(shifted: State, acted: Inputs) -> tuple[list[complex], list[complex]]:
+        if plant["speed_held"]:  # then an input, and no state
             shifted = shifted._replace(shaft_speed=acted.drive)
-        rate, out = evaluate(plant, shifted, acted, blade, False)
+        rate, out = evaluate(plant, shifted, acted, held, False)
         values = {**shifted._asdict(), **out._asdict()}
         return (
-            [getattr(rate, name).imag / STEP for name in states],
-            [complex(values[name]).imag / STEP for name in outputs],
+            [complex(getattr(rate, name)) for name in states],
+            [complex(values[name]) for name in outputs],
         )
 
-    columns_x = [
-        derivatives(state._replace(**{n: getattr(state, n) + 1j * STEP}), inputs) for n in states
+    def slopes(columns: list[tuple[list[complex], list[complex]]], part: int) -> Any:
+        return np.array([column[part] for column in columns]).T.imag / STEP
+
+    rates, values = (np.array(part).real for part in found(here, acts))
+    by_states = [found(here._replace(**{n: getattr(here, n) + 1j * STEP}), acts) for n in states]
+    by_inputs = [
+        found(here, acts._replace(**{n: getattr(acts, n) + 1j * STEP})) for n in INPUTS.values()
     ]
-    columns_u = [
-        derivatives(state, inputs._replace(**{n: getattr(inputs, n) + 1j * STEP}))
-        for n in INPUTS.values()
-    ]
-    a, c = (np.array([column[i] for column in columns_x]).T for i in (0, 1))
-    b, d = (np.array([column[i] for column in columns_u]).T for i in (0, 1))
-    return control.ss(
-        a, b, c, d, states=states, inputs=list(INPUTS), outputs=list(outputs), name=ship.name
-    )
+    return Tangent(
+        rates, values, slopes(by_states, 0), slopes(by_inputs, 0), slopes(by_states, 1),
+        slopes(by_inputs, 1),
+    )  # fmt: skip

@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Real, compiled, compiled_polynomial
+from ..core.numeric import begun_between, newton_step
 
 PITCH_POWERS = (0, 1, 2, 3, 6)  # the only ones that the B-series has
 J_POWERS = 4
@@ -137,19 +138,11 @@ def invert_torque_coefficient(
         return low, torque_coefficient == c0
     if torque_coefficient <= ((c3 * high + c2) * high + c1) * high + c0:
         return high, False
-    j = min(max(guess, low), high)
-    if not math.isfinite(j):
-        j = 0.5 * (low + high)
+    j = begun_between(guess, low, high)
     for _ in range(60):
         error = ((c3 * j + c2) * j + c1) * j + c0 - torque_coefficient
-        if error > 0.0:
-            low = j
-        else:
-            high = j
         slope = (3.0 * c3 * j + 2.0 * c2) * j + c1
-        following = j - error / slope
-        if not low < following < high:
-            following = 0.5 * (low + high)
+        following, low, high = newton_step(j, error, slope, low, high)
         if abs(following - j) <= 1e-14:
             return following, True
         j = following

@@ -17,7 +17,7 @@ from pydantic import Field, field_validator, model_validator
 from scipy.interpolate import PchipInterpolator
 
 from ..core.compiled import Real, Record, compiled, compiled_apart
-from ..core.numeric import clip
+from ..core.numeric import begun_between, clip, newton_step
 from .keys import Section
 
 MOST_ADVANCE_RATIOS, MOST_PITCH_RATIOS = 32, 6
@@ -207,19 +207,10 @@ def invert_table(
         return low, torque_coefficient == top
     if torque_coefficient <= least:
         return high, False
-    j = min(max(guess, low), high)
-    if not math.isfinite(j):
-        j = 0.5 * (low + high)
+    j = begun_between(guess, low, high)
     for _ in range(60):
         value, slope = table_curve(plant, surface, j, pitch_ratio)
-        error = value - torque_coefficient
-        if error > 0.0:
-            low = j
-        else:
-            high = j
-        following = j - error / slope
-        if not low < following < high:
-            following = 0.5 * (low + high)
+        following, low, high = newton_step(j, value - torque_coefficient, slope, low, high)
         if abs(following - j) <= 1e-14:
             return following, True
         j = following

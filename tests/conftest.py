@@ -6,12 +6,16 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 from shaftline.plant import Equilibrium, Ship, equilibrium, get_sea, load_ship, realise
 
 # the same examples at every run, and no time limit on a noisy machine
 settings.register_profile("shaftline", deadline=None, derandomize=True, max_examples=25)
 settings.load_profile("shaftline")
+
+# a worker a core: BLAS threads beside them would only wait for each other, as matrices are small
+threadpool_limits(1, "blas")
 
 
 @pytest.fixture(scope="session")

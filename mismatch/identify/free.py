@@ -6,6 +6,9 @@ import functools
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...plant.keys import Number, Section, info_of
 from ...plant.ship import Ship
 from ...plant.ship_errors import ShipError
@@ -13,6 +16,9 @@ from ...plant.tolerances import TOLERATED
 
 AUTO = "auto"
 """In place of keys: those that the recording tells, of all that a ship's file may be wrong about."""
+
+RATIO = ("propeller.torque_coefficient", "propeller.relative_rotative_efficiency")
+"""KQ and eta_R: torque on the shaft tells their ratio and nothing else."""
 
 
 DOUBTED = {*TOLERATED, "hull.thrust_deduction"}
@@ -35,10 +41,11 @@ class Free:
         self.ship = ship
         self.keys = tuple(keys)
         if not self.keys:
-            raise ValueError("no number is free: name at least one key of the ship's file")
+            raise ValueError(f"{ship.name}: no number is free: name at least one key of its file")
         if twice := [key for i, key in enumerate(self.keys) if key in self.keys[:i]]:
-            raise ValueError(f"{twice[0]} is given twice")
+            raise ValueError(f"{ship.name}: {twice[0]} is given twice")
         self.numbers = tuple(number_of(ship, key) for key in self.keys)
+        self.start = np.array(self.values)
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -62,6 +69,44 @@ class Free:
             number.write(plant, value)
         return plant
 
+    def on(self, values: Any) -> Ship:
+        """A ship with other values of these numbers, shape (n,).
+
+        For the equations alone: values inside their ranges are not checked against each other, so
+        that a search may pass where an armature is faster than the ship's time step.
+        """
+        ship = self.ship
+        for key, value in zip(self.keys, values, strict=True):
+            section, _, name = key.partition(".")
+            if section == "term":
+                ship = ship.with_values({key: float(value)})
+                continue
+            table = getattr(ship, section).model_copy(update={name: float(value)})
+            ship = ship.model_copy(update={section: table})
+        return ship
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Size by which each number is varied: its own value, or 1e-3 of its unit where that is 0."""
+        return np.where(self.start != 0.0, np.abs(self.start), 1e-3)
+
+    @property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest values that a search may try: within the file's, and within a factor of
+        50 of a number that has a size.
+        """
+        sized, infos = self.start != 0.0, [number.info for number in self.numbers]
+        low = np.array([info.low for info in infos])
+        high = np.array([info.high for info in infos])
+        wide = 50.0 * np.abs(self.start)
+        bottom = np.where((low >= 0.0) & sized, np.abs(self.start) / 50.0, -np.inf)
+        top = np.where(sized, np.maximum(wide, np.abs(self.start)), np.inf)
+        return np.maximum(low, bottom), np.minimum(high, top)
+
+    def __contains__(self, key: str) -> bool:
+        """Whether a number is among them."""
+        return key in self.keys
+
     def towards(self, values: Sequence[float], wanted: Sequence[float]) -> list[float]:
         """From values to others, but at most nine tenths of the way to a bound that is beyond."""
         found = []
@@ -73,6 +118,26 @@ class Free:
                 there = high - 0.1 * (high - here)
             found.append(float(there))
         return found
+
+
+def freed(ship: Ship, free: Sequence[str] | None, default: Sequence[str]) -> Free:
+    """The numbers that a method finds on a shaft.
+
+    Args:
+        ship: the ship.
+        free: dotted keys; None for ``default``.
+        default: what the method finds where nothing is named.
+
+    Raises:
+        ValueError: as of :class:`Free`, or two keys of which only the ratio acts.
+    """
+    found = Free(ship, default if free is None else free)
+    if set(RATIO) <= set(found.keys):
+        raise ValueError(
+            f"{ship.name}: only the ratio of {RATIO[0]} and {RATIO[1]} acts on the shaft; free one of "
+            "the two"
+        )
+    return found
 
 
 def number_of(ship: Ship, key: str) -> Number:

@@ -18,8 +18,9 @@ from ...plant.columns import drive_column
 from ...plant.ship import Ship
 from .drive_train import DriveTrain, WorkingPoint, drive_train, from_poles, keys_of
 from .found import Found
-from .freed import Freed, refuse_indistinct
+from .free import Free
 from .frequency import SPEED, FrequencyResponse, modelled, point_of
+from .identifiable import refuse_indistinct
 from .steady import CURRENT, balances
 
 AT_POINT = 1e-3
@@ -47,7 +48,7 @@ class Fitted:
     steps: pd.DataFrame
 
 
-def fit(chosen: Freed, measured: FrequencyResponse, method: str) -> Fitted:
+def fit(chosen: Free, measured: FrequencyResponse, method: str) -> Fitted:
     """Least squares of the complex errors over all channels, the working point's balances held.
 
     Errors are weighted by what is known of their noise and by :data:`FORM`; where no noise is known,
@@ -107,7 +108,7 @@ def _sizes(ship: Ship, measured: FrequencyResponse, names: list[str]) -> NDArray
     return np.array([size[name] for name in names])
 
 
-def _starts(chosen: Freed, measured: FrequencyResponse) -> list[NDArray[np.float64]]:
+def _starts(chosen: Free, measured: FrequencyResponse) -> list[NDArray[np.float64]]:
     """Where the search begins: at the file's numbers, and at those of the closed form."""
     starts = [chosen.start]
     closed = closed_form(chosen.ship, measured)
@@ -162,7 +163,7 @@ def closed_form(
     return (train, five) if min(sizes) > 0.0 and train.friction >= 0.0 else None
 
 
-def found_by(method: str, chosen: Freed, measured: FrequencyResponse) -> Found:
+def found_by(method: str, chosen: Free, measured: FrequencyResponse) -> Found:
     """What a frequency response tells, with all that led there.
 
     Raises:

@@ -11,6 +11,9 @@ ALIKE = 1e-4
 """Smallest eigenvalue of the scaled information below which numbers cannot be told from each other; of
 two numbers, a correlation of 0.9999."""
 
+INDISTINCT = 1e-5
+"""Least singular value, over the largest, of numbers that act each in its own way."""
+
 TELLING = 0.1
 """Relative standard error above which a number is not found but guessed at."""
 
@@ -52,6 +55,32 @@ def refuse_unidentifiable(keys: Sequence[str], information: NDArray[np.float64])
             f"{' and '.join(names)} cannot be found together: the recording tells only a combination "
             "of them (their ratio, product or sum); leave one of them as it is"
         )
+
+
+def refuse_indistinct(keys: Sequence[str], jacobian: NDArray[np.float64], method: str) -> None:
+    """Refuse numbers of which the recording tells a sum, a ratio or a product only.
+
+    Args:
+        keys: of the numbers, n of them.
+        jacobian: of what the method compares, by number, shape (rows, n); each column in units of the
+            number's own size.
+        method: named in the error.
+
+    Raises:
+        ValueError: names the numbers that can change together without any change of what is compared.
+    """
+    norms = np.linalg.norm(jacobian, axis=0)
+    silent = [key for key, norm in zip(keys, norms, strict=True) if norm <= 1e-12 * norms.max()]
+    if silent:
+        raise ValueError(f"{method}: nothing that it compares depends on {', '.join(silent)}")
+    _, sizes, directions = np.linalg.svd(jacobian / norms, full_matrices=True)
+    if len(sizes) == len(keys) and sizes[-1] > INDISTINCT * sizes[0]:
+        return
+    together = np.abs(directions[-1])
+    named = [key for key, part in zip(keys, together, strict=True) if part > 0.05 * together.max()]
+    raise ValueError(
+        f"{method}: the recording does not tell {', '.join(named)} apart; leave out one of them"
+    )
 
 
 def told_apart(

@@ -10,16 +10,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...core.files import write_json, write_text
 from ...plant.ship import Ship
-from ...plant.ship_files import write_ship
 from ..estimate import Estimate
 from ..report.data import finite
+from ..report.files import write_result
 from ..report.text import aligned
 from ..search.placed import Window
 
-REPORT, PAGE, SHIP = "report.json", "report.html", "identified_ship.toml"
-"""Names of the files of an identification; its tables stand beside them as ``NAME.csv``."""
+SHIP = "identified_ship.toml"
+"""Name of the file of an identification that holds its ship."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -178,19 +177,12 @@ class Identification:
         Raises:
             OSError: the folder cannot be written to.
         """
-        folder, report, text = Path(folder), self.to_dict(), ""
-        tables = {name: table.to_csv(index=False) for name, table in self.tables.items()}
+        text = None
         if page:
             from .page import page_of  # draws
 
             text = page_of(self)
-        write_json(folder / REPORT, report)
-        write_ship(self.identified, folder / SHIP)
-        for name, table in tables.items():
-            write_text(folder / f"{name}.csv", table)
-        if page:
-            write_text(folder / PAGE, text)
-        return folder
+        return write_result(folder, self.to_dict(), text, {SHIP: self.identified}, self.tables)
 
     def __repr__(self) -> str:
         """Ship and method; the fields hold arrays as long as the recordings."""

@@ -20,6 +20,7 @@ from ..recordings.joint import JointRecordings, Recorded, load_jointly
 from ..search.fitting import Fitter
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
+from ..simulate.linear_replay import LinearReplay
 from .augmented import ekf
 from .automatic import told_by
 from .band import telling_hertz
@@ -131,19 +132,22 @@ class Method(NamedTuple):
     cut: bool = False  # whether it can do with a part of a recording
 
 
-def _by_output_error(work: Work, keys: tuple[str, ...] | None) -> Found:
+def _by_output_error(
+    work: Work, keys: tuple[str, ...] | None, replayed: type[JointReplay] = JointReplay
+) -> Found:
     """Up to the frequency that tells of the numbers, with demands held between rows or as lines.
 
     Whichever leaves less: the wrong one is half an interval late or early, which inertia and friction
     then make up for. The frequency is that at what was found, as the ship's own numbers may mislead.
     """
-    replay = work.balances.replay
-    free = Free(replay.ship, keys or ())
-    lines = Balances(JointReplay(replay.ship, *(run.table for run in replay.runs), line=True))
+    ship = work.balances.replay.ship
+    runs = [run.table for run in work.balances.replay.runs]
+    free = Free(ship, keys or ())
+    ways = [Balances(replayed(ship, *runs, line=line)) for line in (False, True)]
     values: Sequence[float] = free.values
     highest, steps = 0.0, []
     for _ in range(MOST_SEARCHES):
-        telling = telling_hertz(work.balances, free, values, work.train)
+        telling = telling_hertz(ways[0], free, values, work.train)
         if highest and abs(telling / highest - 1.0) < SAME_BAND:
             break
         highest = telling
@@ -152,7 +156,7 @@ def _by_output_error(work: Work, keys: tuple[str, ...] | None) -> Found:
                 Fitter(some, bands_of(some, work.train, highest), work.tolerance, free.keys),
                 free, work.tick, values,
             )
-            for some in (work.balances, lines)
+            for some in ways
         )  # fmt: skip
         gain = drawn.score - held.score
         found = drawn if gain > 0.0 else held
@@ -167,6 +171,11 @@ def _by_output_error(work: Work, keys: tuple[str, ...] | None) -> Found:
         f"2 log L is {gain:.0f} higher"
     )
     return replace(found, tables=tables, line=True, remarks=(*found.remarks, said))
+
+
+def _by_linear(work: Work, keys: tuple[str, ...] | None) -> Found:
+    """The same with the ship's linear model about the recordings' mean."""
+    return _by_output_error(work, keys, LinearReplay)
 
 
 def _by_filter(work: Work, keys: tuple[str, ...] | None) -> Found:
@@ -194,6 +203,11 @@ METHODS: dict[str, Method] = {
     "output-error": Method(
         _by_output_error,
         "any recording: the simulation itself, under noise of any colour",
+        cut=True,
+    ),
+    "output-error-linear": Method(
+        _by_linear,
+        "any recording of small motions: the same with the ship's linear model about their mean",
         cut=True,
     ),
     "ekf": Method(

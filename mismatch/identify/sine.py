@@ -23,7 +23,7 @@ from ...plant.ship import Ship
 from ..progress import Tick, silent
 from .drive_train import SIX
 from .found import Found
-from .freed import freed
+from .free import freed
 from .frequency import (
     OUTPUTS,
     FrequencyResponse,

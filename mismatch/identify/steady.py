@@ -29,7 +29,8 @@ from ...plant.state import Inputs, State
 from ..progress import Tick, silent
 from .drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, torque_factor
 from .found import Found
-from .freed import Freed, freed, refuse_indistinct
+from .free import Free, freed
+from .identifiable import refuse_indistinct
 from .plateaus import plateaus
 
 METHOD = "steady"
@@ -150,7 +151,7 @@ def balances(ship: Ship, points: pd.DataFrame) -> dict[str, NDArray[np.float64]]
     return {name: np.array(values) for name, values in lacking.items()}
 
 
-def solve(chosen: Freed, points: pd.DataFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def solve(chosen: Free, points: pd.DataFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Unweighted least squares over all balances: values and their covariance.
 
     Gauss-Newton with differences; one round where the balances are linear in the numbers.
@@ -164,7 +165,10 @@ def solve(chosen: Freed, points: pd.DataFrame) -> tuple[NDArray[np.float64], NDA
         return np.concatenate(list(balances(chosen.on(values), points).values()))
 
     values = chosen.start.copy()
-    low, high = (np.array([getattr(i, end) for i in chosen.infos]) for end in ("low", "high"))
+    low, high = (
+        np.array([getattr(number.info, end) for number in chosen.numbers])
+        for end in ("low", "high")
+    )
     rows = residual(values)
     if len(rows) <= len(values):
         raise ValueError(
@@ -219,7 +223,7 @@ def _covariance(
     return np.asarray(inverse @ (slopes.T * variance) @ slopes @ inverse)
 
 
-def _refuse_currentless(chosen: Freed, points: pd.DataFrame) -> None:
+def _refuse_currentless(chosen: Free, points: pd.DataFrame) -> None:
     if CURRENT in points:
         return
     if named := [key for key in (RESISTANCE, CONSTANT) if key in chosen]:

@@ -30,7 +30,7 @@ from .drive_train import (
     needs_drive_train,
 )
 from .found import Found
-from .freed import RATIO, Freed, freed
+from .free import RATIO, Free, freed
 from .frequency import interval_of
 from .steady import CURRENT, solve, steady_states
 from .transient import SIZES, Step, Told, steps, told
@@ -154,7 +154,7 @@ def _own_covariance(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[n
 
 
 def _carried(
-    part: Freed | None, values: NDArray[np.float64], found: list[Step], keys: list[str]
+    part: Free | None, values: NDArray[np.float64], found: list[Step], keys: list[str]
 ) -> NDArray[np.float64]:
     """Change of inertia and inductance with the steady numbers, shape (keys, steady numbers)."""
     columns: list[Any] = []

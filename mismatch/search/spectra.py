@@ -14,6 +14,7 @@ that fools F, AICc and BIC on raw samples is inside S_b.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,23 +117,6 @@ def make_bands(
     )  # fmt: skip
 
 
-@compiled
-def _moments(
-    left: Complex,
-    right: Complex,
-    weights: NDArray[np.float64],
-    edges: NDArray[np.int64],
-    sums: Complex,
-) -> None:
-    for band in range(len(edges) - 1):
-        for p in range(len(left)):
-            for q in range(len(right)):
-                total = 0.0 + 0.0j
-                for f in range(edges[band], edges[band + 1]):
-                    total += weights[f] * left[p, f] * np.conj(right[q, f])
-                sums[band, p, q] = total
-
-
 def moments(bands: Bands, left: Complex, right: Complex) -> Complex:
     """Sums of products over each band, left times right conjugate; shape (bands, p, q).
 
@@ -141,11 +125,38 @@ def moments(bands: Bands, left: Complex, right: Complex) -> Complex:
         left: shape (p, frequencies).
         right: shape (q, frequencies).
     """
-    sums = np.zeros((len(bands.edges) - 1, len(left), len(right)), np.complex128)
-    _moments(
-        np.ascontiguousarray(left), np.ascontiguousarray(right), bands.weights, bands.edges, sums
-    )
-    return sums
+    turned = np.conj(left * bands.weights)  # the left, so that the long right is not copied
+    sums = np.empty((len(bands.edges) - 1, len(left), len(right)), np.complex128)
+    for band, (first, end) in enumerate(itertools.pairwise(bands.edges)):
+        np.matmul(turned[:, first:end], right[:, first:end].T, out=sums[band])
+    return np.conj(sums, out=sums)
+
+
+@compiled
+def _inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
+    """Invert a Hermitian matrix a band in place (Gauss and Jordan, without exchange of rows).
+
+    Args:
+        matrices: positive definite, shape (bands, m, m).
+        counts: weight of each band.
+
+    Returns:
+        Sum over the bands of their weight times log |det|.
+    """
+    total = 0.0
+    for band in range(len(matrices)):
+        a = matrices[band]
+        for p in range(len(a)):
+            pivot = a[p, p].real
+            total += counts[band] * np.log(abs(pivot))
+            a[p, p] = 1.0
+            a[p] /= pivot
+            for i in range(len(a)):
+                if i != p:
+                    share = a[i, p]
+                    a[i, p] = 0.0
+                    a[i] -= share * a[p]
+    return total
 
 
 @dataclass(frozen=True)
@@ -155,6 +166,20 @@ class Marginal:
     score: float  # 2 log L with the prior of the shares
     shares: NDArray[np.float64]  # of the regressors, in prior standard deviations
     weight: Complex  # inverse covariance by band, shape (bands, m, m)
+
+
+def _rows(products: Complex, rows: int) -> NDArray[np.float64]:
+    """Products by band and pair (q, p) of balances, real and imaginary parts side by side."""
+    return np.ascontiguousarray(products).reshape(rows, -1).view(np.float64)
+
+
+def _parts(weight: Complex) -> NDArray[np.float64]:
+    """What :func:`_rows` are multiplied with, for the real part of the trace of weight times products.
+
+    The weight is Hermitian: its transpose, which the trace asks for, is its conjugate, and that is what
+    the real part of a product of complex numbers asks for.
+    """
+    return weight.ravel().view(np.float64)
 
 
 class Likelihood:
@@ -176,9 +201,7 @@ class Likelihood:
         count = len(bands.edges) - 1
         products = moments(bands, self._flat, self._flat).reshape(count, k, m, k, m)
         # rows: pairs (l, k) of regressors; columns: bands and pairs (q, p) of balances
-        self._pairs = np.ascontiguousarray(
-            products.transpose(1, 3, 0, 2, 4).reshape(k * k, count * m * m)
-        )
+        self._pairs = _rows(products.transpose(1, 3, 0, 2, 4), k * k)
         self._counts = np.add.reduceat(bands.weights, bands.edges[:-1])
 
     def __call__(
@@ -188,14 +211,11 @@ class Likelihood:
         k, m = self.shape
         dd = moments(self.bands, residual, residual)
         crossed = moments(self.bands, residual, self._flat).reshape(-1, m, k, m)
-        dz = np.ascontiguousarray(crossed.transpose(2, 0, 1, 3)).reshape(k, -1)
+        dz = _rows(crossed.transpose(2, 0, 1, 3), k)
         shares: Any = np.zeros(k) if start is None else start
         score, weight = self._score(dd, dz, shares)
         for _ in range(30):
-            turned = np.swapaxes(weight, 1, 2).ravel()
-            gram = 2.0 * (self._pairs @ turned).real.reshape(k, k)
-            right = 2.0 * (dz @ turned).real
-            trial = np.linalg.solve(gram + np.eye(k), right)
+            trial: Any = np.linalg.solve(self._gram(weight), 2.0 * (dz @ _parts(weight)))
             found, heavier = self._score(dd, dz, trial)
             if found < score + tolerance:
                 if found > score:
@@ -204,14 +224,22 @@ class Likelihood:
             score, shares, weight = found, trial, heavier
         return Marginal(score, shares, weight)
 
-    def _score(self, dd: Complex, dz: Any, shares: NDArray[np.float64]) -> tuple[float, Any]:
-        cross = (shares @ dz).reshape(dd.shape)
-        quadratic = (np.outer(shares, shares).ravel() @ self._pairs).reshape(dd.shape)
-        sums = dd - cross - np.conj(np.swapaxes(cross, 1, 2)) + quadratic
+    def _score(
+        self, dd: Complex, dz: NDArray[np.float64], shares: NDArray[np.float64]
+    ) -> tuple[float, Complex]:
+        cross = (shares @ dz).view(np.complex128).reshape(dd.shape)
+        quadratic = (np.outer(shares, shares).ravel() @ self._pairs).view(np.complex128)
+        sums = dd - cross - np.conj(np.swapaxes(cross, 1, 2)) + quadratic.reshape(dd.shape)
         covariance = sums / self._counts[:, None, None]
-        _, logdet = np.linalg.slogdet(covariance)
-        score = float(-2.0 * self._counts @ logdet - shares @ shares)
-        return score, np.linalg.inv(covariance)
+        logdet = _inverted(covariance, self._counts)
+        if not np.isfinite(logdet):
+            raise np.linalg.LinAlgError("singular: a balance's residual is 0 or another's multiple")
+        return float(-2.0 * logdet - shares @ shares), covariance
+
+    def _gram(self, weight: Complex) -> NDArray[np.float64]:
+        """Information on the regressors, the prior included."""
+        k = self.shape[0]
+        return 2.0 * (self._pairs @ _parts(weight)).reshape(k, k) + np.eye(k)
 
     def amount(self, weight: Complex, residual: Complex, column: Complex) -> float:
         """Generalised least squares: how much of a column is in a residual, the regressors free.
@@ -227,9 +255,7 @@ class Likelihood:
         with_regressors = 2.0 * np.einsum("bpq,baqkp->ak", weight, crossed).real
         own = moments(self.bands, both, column).reshape(-1, 2, m, m)
         with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
-        turned = np.swapaxes(weight, 1, 2).ravel()
-        gram = 2.0 * (self._pairs @ turned).real.reshape(k, k) + np.eye(k)
-        taken = np.linalg.solve(gram, with_regressors[1])
+        taken = np.linalg.solve(self._gram(weight), with_regressors[1])
         rest = with_column[1] - taken @ with_regressors[1]
         return float((with_column[0] - taken @ with_regressors[0]) / rest) if rest > 0.0 else 0.0
 

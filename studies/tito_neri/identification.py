@@ -27,7 +27,7 @@ from ...mismatch.identify.drive_train import (
     keys_of,
 )
 from ...mismatch.identify.found import Found
-from ...mismatch.identify.freed import freed, number_of
+from ...mismatch.identify.free import freed, number_of
 from ...mismatch.identify.frequency import SPEED, FrequencyResponse, modelled
 from ...mismatch.identify.frequency_fit import closed_form, fit
 from ...mismatch.identify.sine import sine
@@ -246,7 +246,7 @@ def on_known_truth(tick: Tick = lambda: None) -> pd.DataFrame:
     for name, file in SETS.items():
         truth = load_ship(file)
         other = load_ship(SETS["IV" if name == "I" else "I"])
-        start = truth.with_values({key: number_of(other, key)[0] for key in SIX})
+        start = truth.with_values({key: number_of(other, key).value for key in SIX})
         runs: dict[str, Iterable[pd.DataFrame]] = {}
         for method, (find, test, free, allowed) in METHODS.items():
             if test not in runs:
@@ -254,7 +254,7 @@ def on_known_truth(tick: Tick = lambda: None) -> pd.DataFrame:
                 runs[test] = [experiments.recorded(truth, one) for one in tests]
             found = find(start, runs[test], free)
             errors = {
-                key: 100.0 * (value / number_of(truth, key)[0] - 1.0)
+                key: 100.0 * (value / number_of(truth, key).value - 1.0)
                 for key, value in zip(found.keys, found.values, strict=True)
             }
             worst = max(errors, key=lambda key: abs(errors[key]))

@@ -18,7 +18,7 @@ import pandas as pd
 
 from ...mismatch import fit_percent
 from ...mismatch.identify.drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, SIX
-from ...mismatch.identify.freed import freed, number_of
+from ...mismatch.identify.free import freed, number_of
 from ...mismatch.identify.frequency import SPEED
 from ...mismatch.identify.frequency_fit import fit
 from ...mismatch.identify.sine import sine, sine_response
@@ -64,7 +64,7 @@ def truth() -> Ship:
 def start() -> Ship:
     """Where the searches begin: the other published set, in the rig's water."""
     ship = truth()
-    return ship.with_values({key: number_of(load_ship(START), key)[0] for key in SIX})
+    return ship.with_values({key: number_of(load_ship(START), key).value for key in SIX})
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,9 @@ def validation(tick: Tick = lambda: None) -> Validation:
         found = find(start(), records[test], free)
         values = dict(zip(found.keys, found.values, strict=True))
         ships[method] = truth().with_values({**values, "integration.time_step_s": FINE_S})
-        off = {k.split(".")[1]: 100.0 * (values[k] / number_of(truth(), k)[0] - 1.0) for k in SIX}
+        off = {
+            k.split(".")[1]: 100.0 * (values[k] / number_of(truth(), k).value - 1.0) for k in SIX
+        }
         numbers.append({"method": method, **off, "delay_ms": 1e3 * values.get(DELAY, math.nan)})
         tick()
     rows = []
@@ -199,7 +201,7 @@ def monitoring(tick: Tick = lambda: None) -> pd.DataFrame:
         usual = [estimates(method, truth(), seed) for seed in range(RECORDS)]
         tick()
         for key, change in WATCHED.items():
-            value = number_of(truth(), key)[0]
+            value = number_of(truth(), key).value
             changed_ship = truth().with_values({key: (1.0 + change) * value})
             tried = [estimates(method, changed_ship, 100 + seed) for seed in range(TRIALS)]
             tick()

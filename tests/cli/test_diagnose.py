@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.diagnosis import PAGE, REPORT, SHIP
+from shaftline.mismatch.diagnosis import SHIP
+from shaftline.mismatch.report.files import PAGE, REPORT
 from shaftline.plant import equilibrium, load_ship
 from shaftline.plant.replay import simulate_recording
 
@@ -27,17 +28,18 @@ WRITTEN = {PAGE, REPORT, SHIP}
 
 
 @pytest.fixture(autouse=True)
-def _plain_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures take time and have tests of their own."""
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures and the search for a second effect take time and have tests of their own."""
+    monkeypatch.setattr("shaftline.mismatch.search.selection.MOST_EFFECTS", 1)
     page = SimpleNamespace(report_html=lambda diagnosis: f"<p>{diagnosis.verdict}</p>")
     monkeypatch.setitem(sys.modules, "shaftline.mismatch.report.html", page)
 
 
 def trial(seconds: float = 300.0, seed: int = 0, **values: float) -> pd.DataFrame:
-    """A frigate's trial at 10 Hz, its rack and pitch in steps; values by key with ``__`` for a dot."""
+    """A frigate's trial at 5 Hz, its rack and pitch in steps; values by key with ``__`` for a dot."""
     nominal = load_ship("frigate")
     true = nominal.with_values({key.replace("__", "."): value for key, value in values.items()})
-    time = np.arange(0.0, seconds, 0.1)
+    time = np.arange(0.0, seconds, 0.2)
     part = (time + 100.0 * seed).astype(int)
     orders = pd.DataFrame(
         {
@@ -102,7 +104,7 @@ def test_whole_recordings_are_set_aside_and_ids_left_out(
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     report = json.loads((tmp_path / "out" / REPORT).read_text())
-    assert report["recording"]["rows"] == 4000
+    assert report["recording"]["rows"] == 2000
     ((begin, end),) = report["recording"]["held_out"]
     assert begin == pytest.approx(200.0)
     assert end == pytest.approx(400.0)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.core.numeric import clip, piecewise_linear
+from shaftline.core.numeric import begun_between, clip, newton_step, piecewise_linear
 
 STEP = 1e-30
 KNOTS = np.array([1.0, 2.0, 4.0, 0.0, 0.0])
@@ -43,3 +43,28 @@ def test_line_has_the_slope_to_the_right_of_a_knot() -> None:
 
 def test_knots_beyond_the_count_are_not_there() -> None:
     assert piecewise_linear(KNOTS, VALUES, 2, 3.0) == -1.0
+
+
+@pytest.mark.parametrize(
+    ("guess", "start"), [(0.3, 0.3), (-1.0, 0.2), (9.0, 0.8), (np.nan, 0.5), (np.inf, 0.8)]
+)
+def test_a_search_begins_inside_its_bounds(guess: float, start: float) -> None:
+    assert begun_between(guess, 0.2, 0.8) == pytest.approx(start)
+
+
+@pytest.mark.parametrize(
+    ("value", "slope", "step"),
+    [
+        (0.1, -1.0, (0.6, 0.5, 1.0)),  # Newton's, the lower bound drawn in
+        (-0.1, -1.0, (0.4, 0.0, 0.5)),
+        (0.0, -1.0, (0.25, 0.0, 0.5)),  # a zero is an upper bound, and no step leaves it
+        (0.1, -0.1, (0.75, 0.5, 1.0)),  # beyond a bound: halfway
+        (-0.1, -0.1, (0.25, 0.0, 0.5)),
+        (0.1, 0.0, (0.75, 0.5, 1.0)),
+        (0.1, 2.0, (0.75, 0.5, 1.0)),  # uphill
+    ],
+)
+def test_a_newton_step_stays_inside_its_bounds(
+    value: float, slope: float, step: tuple[float, float, float]
+) -> None:
+    assert newton_step(0.5, value, slope, 0.0, 1.0) == pytest.approx(step)

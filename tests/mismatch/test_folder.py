@@ -11,7 +11,8 @@ import pytest
 
 from shaftline.core.sweep import SweepError
 from shaftline.mismatch import Options, diagnose_folder, folder
-from shaftline.mismatch.diagnosis import PAGE, REPORT, SHIP
+from shaftline.mismatch.diagnosis import SHIP
+from shaftline.mismatch.report.files import PAGE, REPORT
 from shaftline.plant import Ship
 
 from .diagnoses import diagnosis_of

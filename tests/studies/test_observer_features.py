@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.agents.evaluation.episodes import Setting
+from shaftline.envs import DEFAULTS
 from shaftline.studies.policies import observer_features
 from shaftline.studies.policies.observer_features import difference, recovered
 
@@ -35,9 +39,13 @@ def test_a_difference_is_judged_by_the_training_seeds() -> None:
 
 
 def test_page_and_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from shaftline.agents.learning import training
+
     from ..agents import tiny
 
     monkeypatch.setattr(observer_features, "OBSERVERS", ("none", "oracle"))
+    monkeypatch.setattr(observer_features, "Setting", functools.partial(Setting, episode_s=20.0))
+    monkeypatch.setattr(training, "DEFAULTS", replace(DEFAULTS, episode_s=20.0))
     changes = {"n_envs": 4, "n_timesteps": 128, "legs": 1, "hyperparameters": tiny.PPO}
     page = observer_features.study(
         tmp_path / "out", tmp_path / "work", "transit", 2, 3, changes, 1, "the command"

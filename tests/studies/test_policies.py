@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import functools
 from dataclasses import asdict
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.agents.evaluation.episodes import Setting
 from shaftline.agents.policy.pilot_adapter import ANSWERS, FEATURES, Reach
 from shaftline.agents.policy.policy import Network, Policy, PolicyError, layout
 from shaftline.plant import load_ship
@@ -168,7 +170,10 @@ def test_a_file_that_is_no_policy_is_refused(tmp_path: Path) -> None:
         command.sources(["transit"], [tmp_path / "p.npz"])
 
 
-def test_sailing_slower_saves_fuel_and_costs_speed_error(tmp_path: Path) -> None:
+def test_sailing_slower_saves_fuel_and_costs_speed_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frontier, "Setting", functools.partial(Setting, episode_s=100.0))
     table = frontier.frontier(tmp_path, 3, 1, gains=(2.0,), offsets=(-0.05, -0.4))
     row = table.set_index("controller").loc["combinator"]
     assert (row["fuel"], row["speed_error"]) == (0.0, 0.0)  # against itself

@@ -27,7 +27,7 @@ def test_table_five() -> None:
 
 def test_rounding_of_table_four() -> None:
     """The page of remaining systems: standard deviations of 4000 draws."""
-    spread = study.rounding_of_column_one(120).loc["std"]
+    spread = study.rounding_of_column_one(60).loc["std"]
     expected = {"K_e": 0.00013, "R_a": 0.022, "M_f": 0.00014, "KQ0_over_eta_R": 0.0008}
     for name, size in expected.items():
         assert spread[name] == pytest.approx(size, rel=0.25), name

@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from shaftline.mismatch.identify.drive_train import SIX, drive_train
-from shaftline.mismatch.identify.freed import number_of
+from shaftline.mismatch.identify.free import number_of
 from shaftline.mismatch.identify.sine import sine
 from shaftline.mismatch.identify.step import step
 from shaftline.studies.tito_neri import experiments, rig, rig_page, rig_results
@@ -114,12 +114,12 @@ def test_methods_see_through_the_instruments() -> None:
     found = sine(rig_results.start(), tables, rig_results.LATE)
     values = dict(zip(found.keys, found.values, strict=True))
     for key in SIX:
-        assert values[key] == pytest.approx(number_of(SHIP, key)[0], rel=0.03), key
+        assert values[key] == pytest.approx(number_of(SHIP, key).value, rel=0.03), key
     assert values[rig_results.DELAY] == pytest.approx(2.0 * math.pi / 15.0 / 213.0, rel=0.08)
     stairs = step(SHIP, [rig.measured(SHIP, experiments.staircase(hold_s=2.5))], SIX)
     values = dict(zip(stairs.keys, stairs.values, strict=True))
     for key in SIX[1:]:
-        assert values[key] == pytest.approx(number_of(SHIP, key)[0], rel=0.025), key
+        assert values[key] == pytest.approx(number_of(SHIP, key).value, rel=0.025), key
 
 
 def test_scores_are_the_paper_s() -> None:
@@ -145,7 +145,7 @@ def test_a_change_is_found_in_thirty_seconds() -> None:
     """The staircase: a fouled propeller of 2 % beside the unchanged rig."""
     key = SIX[-1]
     before = rig_results.estimates("step", SHIP, 0)
-    fouled = SHIP.with_values({key: 1.02 * number_of(SHIP, key)[0]})
+    fouled = SHIP.with_values({key: 1.02 * number_of(SHIP, key).value})
     after = rig_results.estimates("step", fouled, 1)
     for way in ("together", "alone"):
         assert after[way][key] / before[way][key] == pytest.approx(1.02, abs=2e-3)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shaftline.mismatch.identify.freed import number_of
+from shaftline.mismatch.identify.free import number_of
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.replay import simulate_recording
 
@@ -41,6 +41,6 @@ def swing(
 def shares_off(ship: Ship, found: Any) -> dict[str, float]:
     """Relative error of each number found, by the last part of its key."""
     return {
-        key.split(".")[1]: value / number_of(ship, key)[0] - 1.0
+        key.split(".")[1]: value / number_of(ship, key).value - 1.0
         for key, value in zip(found.keys, found.values, strict=True)
     }

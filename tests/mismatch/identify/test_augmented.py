@@ -52,7 +52,7 @@ def test_numbers_far_off_are_found_within_their_errors() -> None:
 
 def test_what_the_tolerances_add() -> None:
     """With the other numbers known exactly, the errors are the filter's own."""
-    ship, table = load_ship("frigate"), frigate_voyage(TRUTH, seed=3, seconds=200.0)
+    ship, table = load_ship("frigate"), frigate_voyage(TRUTH, seed=3, seconds=120.0)
     keys = (RESISTANCE, RACK)
     exact = ekf(ship, [table], keys, tolerance=0.0)
     own = exact.tables["estimates"][f"{RESISTANCE} se"].iloc[-1]
@@ -78,7 +78,7 @@ def test_at_sea_the_numbers_are_still_found() -> None:
     assert sea is not None
     truth = {RESISTANCE: 3306.2 * 1.15, RACK: 1428.6 * 1.06}
     table = frigate_voyage(
-        truth, seed=2, seconds=500.0, sea=realise(sea, depth_m=4.0, seed=2), interval_s=0.1
+        truth, seed=2, seconds=300.0, sea=realise(sea, depth_m=4.0, seed=2), interval_s=0.1
     )
     found = ekf(load_ship("frigate"), [table], tuple(truth))
     np.testing.assert_allclose(found.values, [*truth.values()], rtol=0.01)
@@ -101,7 +101,7 @@ def test_a_number_that_drifts_is_followed() -> None:
 
 
 def test_physics_that_is_missing_leaves_innovations_that_are_not_white() -> None:
-    table = frigate_voyage({"prime_mover.lag_s": 2.5}, seed=3, seconds=300.0)
+    table = frigate_voyage({"prime_mover.lag_s": 2.5}, seed=3, seconds=150.0)
     found = ekf(load_ship("frigate"), [table], (RESISTANCE,))
     assert any("shaft_speed_rad_s are not white" in remark for remark in found.remarks)
 

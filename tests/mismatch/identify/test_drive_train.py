@@ -17,7 +17,7 @@ from shaftline.mismatch.identify.drive_train import (
     keys_of,
     needs_drive_train,
 )
-from shaftline.mismatch.identify.freed import number_of
+from shaftline.mismatch.identify.free import number_of
 from shaftline.plant import equilibrium, linearise, load_ship
 
 from .benches import recorded, tug
@@ -117,7 +117,7 @@ def test_closed_form_gives_column_four_of_table_five() -> None:
 def test_a_file_s_numbers_come_back(values: dict[str, float]) -> None:
     ship = tug().with_values(values)
     for key, value in keys_of(ship, drive_train(ship)).items():
-        assert value == pytest.approx(number_of(ship, key)[0], rel=1e-9), key
+        assert value == pytest.approx(number_of(ship, key).value, rel=1e-9), key
 
 
 def test_numbers_at_the_motor_and_at_the_shaft() -> None:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from shaftline.mismatch.identify.free import Free, doubtful
+from shaftline.mismatch.identify.drive_train import CONSTANT, INDUCTANCE, LOAD
+from shaftline.mismatch.identify.free import RATIO, Free, doubtful, freed, number_of
 from shaftline.plant import Ship, load_ship
+from shaftline.plant.terms import Term
+
+from .benches import tug
 
 MASS, WAKE = "hull.mass_kg", "hull.wake_fraction"
-KQ, ETA_R = "propeller.torque_coefficient", "propeller.relative_rotative_efficiency"
+KQ = RATIO[0]
 
 
 def test_the_record_is_that_of_the_file_with_other_values(frigate: Ship) -> None:
@@ -58,3 +62,57 @@ def test_a_file_may_be_wrong_about_what_it_states_and_has_a_tolerance_or_an_effe
     fouled = load_ship("frigate").with_values({"hull.fouling_fraction": 0.1})
     assert "hull.fouling_fraction" in doubtful(fouled)
     assert KQ in doubtful(load_ship("tito-neri-sine"))
+
+
+# -- as a method on a shaft takes them ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        ((), "tito-neri-sine: no number is free"),
+        ((CONSTANT, CONSTANT), f"{CONSTANT} is given twice"),
+        (RATIO, "only the ratio of propeller.torque_coefficient and propeller.relative_rotative"),
+        (("prime_mover.colour",), r"prime_mover\.colour is no number of this ship"),
+        (("propeller.model",), "propeller.model is no number"),
+        (("engine.x",), r"engine\.x is no number of this ship"),
+    ],
+)
+def test_what_a_method_cannot_find_is_named(free: tuple[str, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        freed(tug(), free, ())
+
+
+def test_defaults_ranges_and_values() -> None:
+    chosen = freed(tug(), None, (CONSTANT, LOAD))
+    assert chosen.keys == (CONSTANT, LOAD)
+    assert chosen.start == pytest.approx([0.0183, 0.136])
+    assert CONSTANT in chosen
+    assert INDUCTANCE not in chosen
+    low, high = chosen.bounds
+    assert low == pytest.approx([0.0183 / 50, 0.136 / 50])
+    assert high == pytest.approx([0.0183 * 50, 1.0])  # KQ ends at 1 in a ship's file
+    ship = chosen.on([0.02, 0.1])
+    assert ship == tug().with_values({CONSTANT: 0.02, LOAD: 0.1})
+    assert ship.record()["motor_constant"] == 0.02
+    zero = freed(tug(), ("sensors.speed_delay_s",), ())
+    assert zero.scale == pytest.approx([1e-3])
+    assert (zero.bounds[0][0], zero.bounds[1][0]) == (0.0, 6.0)
+
+
+def test_a_search_may_pass_where_the_time_step_does_not_fit() -> None:
+    assert freed(tug(), (INDUCTANCE,), ()).on([1e-6]).number(INDUCTANCE).value == 1e-6
+
+
+def test_a_term_s_numbers_may_be_found() -> None:
+    own = {"c": {"value": 1e-5, "unit": "N m s/rad", "low": 0.0, "high": 1.0}}
+    said = {"id": "drag", "acts_on": "load_torque", "expression": "c * shaft_speed"}
+    term = Term.model_validate({**said, "parameters": own})
+    ship = tug().with_term(term)
+    assert number_of(ship, "term.drag.c").value == 1e-5
+    assert freed(ship, ("term.drag.c",), ()).on([2e-5]).number("term.drag.c").value == 2e-5
+
+
+def test_a_diesel_s_numbers_too() -> None:
+    number = number_of(load_ship("frigate"), WAKE)
+    assert (number.value, number.info.unit) == (0.05, "-")

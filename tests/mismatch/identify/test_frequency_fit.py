@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from shaftline.mismatch.identify.drive_train import CONSTANT, LOAD, RESISTANCE, SIX, drive_train
-from shaftline.mismatch.identify.freed import freed
+from shaftline.mismatch.identify.free import freed
 from shaftline.mismatch.identify.frequency import FrequencyResponse, modelled
 from shaftline.mismatch.identify.frequency_fit import closed_form, fit, found_by
 from shaftline.plant import Ship, load_ship
@@ -48,11 +48,11 @@ def test_delay_is_found_beside_all_six() -> None:
 
 
 def test_standard_errors_are_those_of_repeated_noise() -> None:
-    """Fifty draws of known noise on every part of the response."""
+    """Draws of known noise on every part of the response."""
     ship, rng, clean = tug(), np.random.default_rng(4), exact(tug(), 0.02)
     chosen = freed(ship, (CONSTANT, RESISTANCE, LOAD), ())
     values = []
-    for _ in range(50):
+    for _ in range(24):
         response = {
             c: v + 0.02 * (rng.standard_normal(len(v)) + 1j * rng.standard_normal(len(v)))
             for c, v in clean.response.items()

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from shaftline.mismatch.identify.identifiable import (
     one_direction,
+    refuse_indistinct,
     refuse_unidentifiable,
     told_apart,
 )
@@ -65,3 +66,15 @@ def test_a_number_that_moves_nothing_is_left_out() -> None:
     rest, left = told_apart("ab", (1.0, 1.0), np.diag([0.0, 1e4]))
     assert rest == [1]
     assert left == {"a": "it moves nothing that is measured here"}
+
+
+def test_numbers_that_act_alike_are_named() -> None:
+    one = np.array([1.0, 2.0, 3.0])
+    rows = np.column_stack([one, [1.0, 0.0, 1.0], -2.0 * one])
+    with pytest.raises(ValueError, match="steady: the recording does not tell a, c apart"):
+        refuse_indistinct(("a", "b", "c"), rows, "steady")
+    with pytest.raises(ValueError, match="nothing that it compares depends on b"):
+        refuse_indistinct(("a", "b"), np.column_stack([one, 0.0 * one]), "steady")
+    with pytest.raises(ValueError, match="does not tell"):
+        refuse_indistinct(("a", "b"), np.array([[1.0, 2.0]]), "steady")
+    refuse_indistinct(("a", "b"), rows[:, :2], "steady")

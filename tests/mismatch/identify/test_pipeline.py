@@ -159,3 +159,20 @@ def test_a_demand_that_holds_is_held(servo: Ship) -> None:
     found = identify(servo.with_values({INERTIA: 60.0}), table, free=[INERTIA])
     assert found.parameters[INERTIA] == pytest.approx(95.0, rel=2e-3)
     assert not found.warnings
+
+
+def test_of_small_motions_the_linear_model_tells_the_numbers(frigate: Ship) -> None:
+    time = np.arange(0.0, 200.0, 0.2)
+    table = pd.DataFrame({"time_s": time, "pitch_ratio_command": 1.4})
+    table["fuel_rack_mm"] = 22.0 + 0.4 * np.sign(np.sin(0.3 * time)) + 0.4 * np.sin(0.08 * time)
+    sailed = simulate_recording(frigate.with_values(TRUTH), table)
+    table["shaft_speed_rad_s"] = sailed["shaft_speed_rad_s"]
+    table["ship_speed_m_s"] = sailed["ship_speed_m_s"]
+    noise = np.random.default_rng(5).standard_normal((2, len(time)))
+    table["shaft_speed_rad_s"] += 2e-3 * noise[0]
+    table["ship_speed_m_s"] += 2e-3 * noise[1]
+    found = identify(frigate, table, free=list(TRUTH), method="output-error-linear")
+    for estimate in found.estimates:
+        truth = TRUTH[estimate.key]
+        assert estimate.value == pytest.approx(truth, rel=0.03), estimate.key
+        assert estimate.neutral != pytest.approx(truth, rel=0.1)

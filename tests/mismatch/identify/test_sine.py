@@ -58,7 +58,7 @@ def test_sines_one_after_another_in_one_recording() -> None:
 def test_error_is_the_spread_of_repeated_noise() -> None:
     table, rng = swing(tug(), 100.0, 4.0), np.random.default_rng(7)
     found, stated = [], []
-    for _ in range(40):
+    for _ in range(20):
         noisy = table.assign(
             motor_current_A=table["motor_current_A"] + 0.05 * rng.standard_normal(len(table))
         )

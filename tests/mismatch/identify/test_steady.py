@@ -62,7 +62,7 @@ def test_where_the_search_begins_does_not_matter() -> None:
 
 
 def test_standard_errors_are_those_of_repeated_noise() -> None:
-    """Noise on the voltages alone, of which the rows' residuals are made: 300 draws."""
+    """Noise on the voltages alone, of which the rows' residuals are made."""
     ship, rng = tug("staircase"), np.random.default_rng(2)
     train = drive_train(ship)
     levels = np.linspace(3.5, 8.0, 12)
@@ -75,7 +75,7 @@ def test_standard_errors_are_those_of_repeated_noise() -> None:
         }
     )
     values, errors = [], []
-    for _ in range(60):
+    for _ in range(30):
         noisy = exact.assign(motor_voltage_V=levels + 0.02 * rng.standard_normal(len(levels)))
         found = steady(ship, [noisy], (CONSTANT, RESISTANCE))
         values.append(found.values)

@@ -77,6 +77,9 @@ ON_THE_FRIGATE: list[tuple[str, str, dict[str, Any]]] = [
     ("speed-log-lag", "sensor", {"sensors.speed_log_lag_s": 15.0}),
 ]
 
+LONG = ("engine-torque-curvature", "wake-speed-dependence", "cavitation-breakdown")
+"""Effects that show at the ends of the ship's speeds, which takes the whole voyage."""
+
 ON_THE_TUG: list[tuple[str, dict[str, Any]]] = [
     ("command-dead-zone", {"prime_mover.command_dead_zone_V": 0.4}),
     ("coulomb-friction", {ENGINE_SIDE: 0.07}),  # the tug's own is 0.051
@@ -108,7 +111,8 @@ def _named(diagnosis: Diagnosis, effect: str, balance: str) -> None:
     ("effect", "balance", "values"), ON_THE_FRIGATE, ids=[f"{e}-{b}" for e, b, _ in ON_THE_FRIGATE]
 )
 def test_a_concealed_effect_is_named(effect: str, balance: str, values: dict[str, Any]) -> None:
-    found = diagnose(load_ship("frigate"), frigate_voyage(values, seed=3))
+    seconds = 600.0 if effect in LONG else 300.0
+    found = diagnose(load_ship("frigate"), frigate_voyage(values, seed=3, seconds=seconds))
     _named(found, effect, balance)
     first = found.findings[0]
     if first.effect.id == effect:
@@ -134,7 +138,8 @@ def test_ventilation_is_named_where_the_submergence_was_measured() -> None:
         "ventilation.onset_submergence": 1.1,
         "ventilation.recovery_submergence": 1.3,
     }
-    table = frigate_voyage(values, seed=3, extra={"propeller_submergence_m": submergence})
+    extra = {"propeller_submergence_m": submergence}
+    table = frigate_voyage(values, seed=3, seconds=300.0, extra=extra)
     found = diagnose(load_ship("frigate"), table)
     _named(found, "ventilation", "propeller")
     sizes = [estimate.value for estimate in found.findings[0].estimates]
@@ -146,7 +151,7 @@ def test_an_inflow_lag_is_named_where_the_inflow_was_measured() -> None:
         return 0.8 * np.sin(2 * np.pi * t / 7.0) + 0.5 * np.sin(2 * np.pi * t / 23.0)
 
     values = {"propeller.inflow_lag_s": 2.5}
-    table = frigate_voyage(values, seed=3, extra={"inflow_velocity_m_s": gusts})
+    table = frigate_voyage(values, seed=3, seconds=300.0, extra={"inflow_velocity_m_s": gusts})
     found = diagnose(load_ship("frigate"), table)
     _named(found, "inflow-lag", "propeller")
     assert found.findings[0].estimates[0].value == pytest.approx(2.5, rel=0.1)
@@ -259,7 +264,7 @@ def test_an_entry_may_be_a_term(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     truth = own.on(frigate).with_values({"term.wave-making-hull.c4": 6.0})
     everything = (*catalogue(), own)
     monkeypatch.setattr("shaftline.mismatch.search.catalogue.catalogue", lambda: everything)
-    found = diagnose(frigate, frigate_voyage(truth, seed=5))
+    found = diagnose(frigate, frigate_voyage(truth, seed=5, seconds=300.0))
     _named(found, "wave-making", "hull")
     (estimate,) = found.findings[0].estimates
     assert (estimate.key, estimate.unit) == ("term.wave-making-hull.c4", "N s4/m4")

@@ -190,7 +190,7 @@ def test_no_effects_have_no_estimates() -> None:
 
 def test_intervals_cover_as_often_as_they_say() -> None:
     inside = []
-    for seed in range(150):
+    for seed in range(80):
         fit = fitter({VISCOUS: 300.0}, seed=seed, rms=(1.0, 2.0))
         found = fit.refined(fit.fitted((Placed(VISCOUS_FRICTION, (280.0,)),)), 0)
         low, high = fit.estimates(found)[0][0].ci95

@@ -106,6 +106,28 @@ def test_without_regressors_it_is_the_closed_formula() -> None:
     assert found.shares == pytest.approx([0.0])
 
 
+def test_the_weight_is_the_inverse_of_each_band_s_covariance() -> None:
+    """Four balances in units of very different sizes, each with a part of the others."""
+    bands = make_bands([(0, 900)], 0.1, 4, 4.0)
+    mixed = np.tril(noise(bands, 8, 4)[:, :4]) + 2.0 * np.eye(4)
+    sizes = np.array([1e-3, 1.0, 1e6, 1e4])
+    residual = sizes[:, None] * (mixed @ noise(bands, 9, 4))
+    found = Likelihood(bands, np.zeros((1, *residual.shape), complex))(residual)
+    assert found.score == pytest.approx(score_by_hand(bands, residual), rel=1e-12)
+    counts = np.add.reduceat(bands.weights, bands.edges[:-1])
+    units = np.outer(sizes, sizes)
+    covariance = moments(bands, residual, residual) / counts[:, None, None] / units
+    np.testing.assert_allclose(found.weight * units, np.linalg.inv(covariance), atol=1e-12)
+
+
+def test_a_balance_without_any_residual_is_refused() -> None:
+    bands = make_bands([(0, 300)], 0.1, 2, 4.0)
+    residual = noise(bands, 2, 2)
+    residual[1] = 0.0
+    with pytest.raises(np.linalg.LinAlgError, match="residual is 0 or another's multiple"):
+        Likelihood(bands, np.zeros((1, *residual.shape), complex))(residual)
+
+
 def test_white_noise_of_known_covariance_has_its_likelihood() -> None:
     covariance = np.array([[4.0, 1.5], [1.5, 1.0]])
     rng = np.random.default_rng(3)

@@ -1,0 +1,104 @@
+"""Recordings of one ship replayed by its linear model about their mean (Vrijdag & Martelli 2021, eq. 9).
+
+    x' = f(x0, u0) + A (x - x0) + B (u - u0),    y = y0 + C (x - x0) + D (u - u0)
+
+about the mean of what was measured, which need not be a steady state. Of the inputs, demand, pitch
+command and inflow act. Instruments that delay or misread are left out, as is what the surface does.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from ...core.compiled import compiled
+from ...plant.columns import MEASURED
+from ...plant.dynamics import settled
+from ...plant.linear import INPUTS, tangent
+from ...plant.replay import Replay
+from ...plant.signals import SAMPLE
+from ...plant.state import Inputs, State, active_states
+from .joint_replay import JointReplay
+
+Floats = NDArray[np.float64]
+
+
+@compiled
+def _march(carry: Floats, forced: Floats, states: Floats) -> None:
+    """x[k + 1] = carry x[k] + forced[k]; ``states`` filled from its first row on."""
+    for k in range(len(forced)):
+        for i in range(len(carry)):
+            total = forced[k, i]
+            for j in range(len(carry)):
+                total += carry[i, j] * states[k, j]
+            states[k + 1, i] = total
+
+
+class LinearReplay(JointReplay):
+    """As :class:`.joint_replay.JointReplay`, the ship's equations replaced by their tangent.
+
+    Raises:
+        ValueError: recordings that do not go together, or a speed that is held.
+    """
+
+    def __init__(self, ship: Any, *tables: Any, line: bool = False) -> None:
+        if not ship.turns_freely:
+            raise ValueError(f"{ship.name}: a speed that is held has no linear model to be fitted")
+        super().__init__(ship, *tables, line=line)
+
+    def simulate(self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
+        """Samples at the recordings' rows by the linear model of a ship record.
+
+        Args:
+            plant: ship record.
+            shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s].
+        """
+        return np.concatenate([_simulated(run, plant, shift) for run in self.runs])
+
+
+def _simulated(run: Replay, plant: Any, shift: tuple[float, float, float]) -> NDArray[Any]:
+    inflow = run.inflow(plant)[1::2]  # at the steps' middles
+    acting = np.column_stack([run.pitch, run.drive, np.ones(len(run.drive)), inflow])
+    mean = dict(zip(INPUTS.values(), acting.mean(axis=0), strict=True))
+    inputs = Inputs(
+        mean["drive"], mean["pitch_command"], mean["inflow"],
+        resistance_factor=mean["resistance_factor"],
+    )  # fmt: skip
+    middle = settled(plant, State(*_means(run)), inputs)
+    first = settled(
+        plant,
+        run.first_state(tuple(a + b for a, b in zip(run.start, shift, strict=True))),
+        run.first_inputs(run.inflow(plant)),
+    )
+    states = [*active_states(plant), "shaft_angle"]
+    outputs = [name.removeprefix("measured_") for name in MEASURED.values()]
+    model = tangent(plant, middle, inputs, middle.pitch_ratio, states, outputs)
+    n = len(states)
+    # x' = A x + B u + f as one system, carried exactly over a step
+    whole = np.zeros((n + 5, n + 5))
+    whole[:n] = np.column_stack([model.a, model.b, model.rates])
+    step = expm(whole * run.dt)
+    moved = acting - np.array(list(mean.values()))
+    deviations = np.zeros((len(acting) + 1, n))
+    deviations[0] = [getattr(first, name) - getattr(middle, name) for name in states]
+    _march(step[:n, :n].copy(), moved @ step[:n, n:-1].T + step[:n, -1], deviations)
+    rows = slice(None, None, run.per_row)
+    at_rows = np.vstack([moved, moved[-1:]])[rows]
+    found = model.values + deviations[rows] @ model.c.T + at_rows @ model.d.T
+    samples = np.zeros(len(found), SAMPLE)
+    for own, signal, column in zip(outputs, MEASURED.values(), found.T, strict=True):
+        samples[own] = samples[signal] = column
+    return samples
+
+
+def _means(run: Replay) -> tuple[float, float, float]:
+    """Mean pitch ratio, shaft speed and ship speed; where not measured, where the run starts."""
+    columns = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s")
+    pitch, shaft, speed = (
+        float(np.mean(run.table[c])) if c in run.table else start
+        for c, start in zip(columns, run.start, strict=True)
+    )
+    return pitch, shaft, speed if run.ship.moves else 0.0
