@@ -53,6 +53,9 @@ results: $(INSTALLED)
 	if [ -d "$(SHAFTLINE_DATA)/recordings/rov_thruster" ]; then \
 	    $(BIN)/python -m shaftline.studies.rov_thruster --out docs/results \
 	        --recordings "$(SHAFTLINE_DATA)/recordings/rov_thruster"; fi
+	if [ -d "$(SHAFTLINE_DATA)/recordings/kvlcc2_hsva" ]; then \
+	    $(BIN)/python -m shaftline.studies.kvlcc2 --out docs/results \
+	        --recordings "$(SHAFTLINE_DATA)/recordings/kvlcc2_hsva"; fi
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

@@ -26,10 +26,15 @@ def markdown(frame: pd.DataFrame, digits: int = 2) -> str:
     return "\n".join(lines)
 
 
-def write_table(folder: Path, name: str, title: str, command: str, frame: pd.DataFrame,
-                body: str) -> None:  # fmt: skip
-    """Write ``name.csv`` and ``name.md`` into a folder."""
+def write_csv(folder: Path, name: str, frame: pd.DataFrame) -> None:
+    """Write ``name.csv`` into a folder, to six digits."""
     write_atomically(
         folder / f"{name}.csv", lambda file: frame.to_csv(file, index=False, float_format="%.6g")
     )
+
+
+def write_table(folder: Path, name: str, title: str, command: str, frame: pd.DataFrame,
+                body: str) -> None:  # fmt: skip
+    """Write ``name.csv`` and ``name.md`` into a folder."""
+    write_csv(folder, name, frame)
     write_text(folder / f"{name}.md", f"# {title}\n\nMade by `{command}`.\n\n{body}\n")

@@ -21,6 +21,11 @@ RATIO = ("propeller.torque_coefficient", "propeller.relative_rotative_efficiency
 """KQ and eta_R: torque on the shaft tells their ratio and nothing else."""
 
 
+DOUBTED = {*TOLERATED, "hull.thrust_deduction"}
+"""Keys of numbers that a file may be wrong about. A tolerance speaks of each but the thrust deduction:
+of mass, resistance and 1 - t the hull's balance tells but ratios."""
+
+
 class Free:
     """Some numbers of a ship, and the ship at other values of them.
 
@@ -172,13 +177,13 @@ def _numbers(ship: Ship) -> tuple[str, ...]:
 
 
 def doubtful(ship: Ship) -> list[str]:
-    """Keys that a ship's file may be wrong about: those that have a tolerance, and effects in force."""
+    """Keys that a ship's file may be wrong about: those of :data:`DOUBTED`, and effects in force."""
     found = []
     for key in _numbers(ship):
         number = number_of(ship, key)
         in_force = number.info.neutral is not None and number.value != number.info.neutral
         section, _, name = key.partition(".")
         stated = name in getattr(ship, section).model_fields_set
-        if stated and (in_force or (key in TOLERATED and number.value != 0.0)):
+        if stated and (in_force or (key in DOUBTED and number.value != 0.0)):
             found.append(key)
     return found

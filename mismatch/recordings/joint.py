@@ -16,7 +16,10 @@ from ..progress import Tick, silent
 from .load import Recording, load_recording
 
 LEAST_ROWS = 40
-"""Of a recording, so that there is something to fit and something to set aside."""
+"""Of all recordings that are fitted together, so that there is something to fit and to set aside."""
+
+LEAST_OF_ONE = 10
+"""Of each: parts of a voyage in which the ship sails straight may be as short as this."""
 
 Recorded: TypeAlias = str | Path | Recording | pd.DataFrame
 """A CSV or Parquet file; what :func:`.load_recording` made of one; or a table with canonical columns at
@@ -58,6 +61,7 @@ def load_jointly(
 
     Raises:
         RecordingError: a recording or the column map cannot be used; names file, column and row.
+            Or too few rows: of one of them, or of all that is fitted.
         ValueError: nothing to fit, or a file that is given twice.
     """
     sources = [*fitted, *held_out]
@@ -72,6 +76,10 @@ def load_jointly(
         tick("reading and checking", done, len(sources))
         loaded.append(_loaded(source, ship, columns))
     tick("reading and checking", len(sources), len(sources))
+    rows = sum(len(recording) for recording in loaded[: len(fitted)])
+    if rows < LEAST_ROWS:
+        names = " and ".join(str(recording.source) for recording in loaded[: len(fitted)])
+        raise RecordingError(f"{names}: {rows} rows; at least {LEAST_ROWS} are needed")
     limits, warnings = _said(loaded[: len(fitted)], loaded)
     return JointRecordings(tuple(r.table for r in loaded), len(held_out), limits, warnings)
 
@@ -84,9 +92,9 @@ def _loaded(source: Recorded, ship: Ship, columns: Path | None) -> Recording:
         recording = Recording(Path("table"), source, interval, {})
     else:
         recording = load_recording(source, ship, columns)
-    if len(recording) < LEAST_ROWS:
+    if len(recording) < LEAST_OF_ONE:
         raise RecordingError(
-            f"{recording.source}: {len(recording)} rows; at least {LEAST_ROWS} are needed"
+            f"{recording.source}: {len(recording)} rows; at least {LEAST_OF_ONE} are needed of each"
         )
     return recording
 

@@ -1,1 +1,1 @@
-"""A real ROV thruster, diagnosed."""
+"""A real ROV thruster: diagnosed, and its numbers found."""

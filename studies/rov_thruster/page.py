@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 from matplotlib.figure import Figure
 
 from ...display import figures
-from ...display.tables import markdown, write_table
+from ...display.tables import markdown, write_csv, write_table
 from ...mismatch import Diagnosis
 from ...mismatch.search.selection import TELL_APART
+from .numbers import Refit
+from .numbers import table_of as numbers_table
+from .numbers_page import section
 from .runs import (
     AS_RECORDED,
     CONSTANTS,
@@ -76,15 +80,25 @@ are not those of a trial laid down beforehand. What was tried on the way, with t
 """
 
 
-def write(folder: Path, table: pd.DataFrame, found: dict[str, list[Split]], runs: Runs) -> None:
-    """Write ``rov-thruster.md`` and ``.csv``, and ``figures/rov-thruster.png``."""
-    write_table(folder, "rov-thruster", "ROV thruster: a real recording diagnosed", COMMAND, table,
-                body(table, found, runs))  # fmt: skip
+def write(
+    folder: Path,
+    table: pd.DataFrame,
+    found: dict[str, list[Split]],
+    runs: Runs,
+    refits: Sequence[Refit],
+    refused: Sequence[str],
+) -> None:
+    """Write ``rov-thruster.md``, its two tables and ``figures/rov-thruster.png``."""
+    numbers = numbers_table(refits)
+    said = body(table, found, runs, section(refits, numbers, table, refused))
+    title = "ROV thruster: a real recording diagnosed, its numbers found"
+    write_table(folder, "rov-thruster", title, COMMAND, table, said)
+    write_csv(folder, "rov-thruster-numbers", numbers)
     figures.save(drawn(found, runs), folder / "figures" / "rov-thruster.png")
 
 
-def body(table: pd.DataFrame, found: dict[str, list[Split]], runs: Runs) -> str:
-    """The page below its title."""
+def body(table: pd.DataFrame, found: dict[str, list[Split]], runs: Runs, numbers: str) -> str:
+    """The page below its title; ``numbers`` is its part on them."""
     parts = [INTRODUCTION, "## Unseen runs: rms error of the shaft speed, rad/s\n", _errors(table)]
     parts.append("\n![Unseen runs, measured and simulated](figures/rov-thruster.png)\n")
     parts.append("## What the tool says\n")
@@ -92,7 +106,7 @@ def body(table: pd.DataFrame, found: dict[str, list[Split]], runs: Runs) -> str:
         parts.append(f"### Start: {title}\n")
         parts += [_said(one) for one in group]
     parts += ["## What it comes to\n", _conclusions(table, found, runs)]
-    parts += ["\n## What was tried\n", TRIED.rstrip()]
+    parts += ["\n" + numbers, "## What was tried\n", TRIED.rstrip()]
     return "\n".join(parts)
 
 

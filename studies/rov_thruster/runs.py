@@ -142,6 +142,30 @@ def judged(nominal: Ship, corrected: Ship, run: Key, table: pd.DataFrame) -> Jud
     )
 
 
+def shown_of(
+    nominal: Ship,
+    runs: Runs,
+    unseen: str,
+    reversals: bool = False,
+    channels: tuple[str, ...] = (SPEED,),
+) -> tuple[list[pd.DataFrame], list[pd.DataFrame]]:
+    """What a tool is shown of the runs of two controllers: five to fit, the sixth to judge itself by.
+
+    Args:
+        nominal: the ship; its demand goes with the channels.
+        runs: all nine.
+        unseen: the controller whose runs are set aside.
+        reversals: keep the rows in which the sign of the speed was guessed.
+        channels: measured columns that are compared.
+    """
+    shown: list[list[pd.DataFrame]] = []
+    for (controller, _), table in runs.items():
+        if controller != unseen:
+            kept = table[[*input_columns(nominal), *channels]]
+            shown.append([kept] if reversals else without_reversals(kept))
+    return [piece for run in shown[:-1] for piece in run], shown[-1]
+
+
 def split(
     nominal: Ship,
     runs: Runs,
@@ -160,15 +184,9 @@ def split(
         reversals: keep the rows in which the sign of the speed was guessed.
         channels: measured columns that are compared.
     """
-    shown: list[list[pd.DataFrame]] = []
-    for (controller, _), table in runs.items():
-        if controller != unseen:
-            kept = table[[*input_columns(nominal), *channels]]
-            shown.append([kept] if reversals else without_reversals(kept))
-    pieces = [piece for run in shown for piece in run]
-    last = len(pieces) - len(shown[-1])
+    fitted, held = shown_of(nominal, runs, unseen, reversals, channels)
     options = Options(tolerance=TOLERANCE_FACTOR)
-    found = diagnose(nominal, *pieces[:last], hold_out=pieces[last:], options=options)
+    found = diagnose(nominal, *fitted, hold_out=held, options=options)
     results = tuple(
         judged(nominal, found.corrected, run, table)
         for run, table in runs.items()

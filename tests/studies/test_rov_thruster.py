@@ -13,9 +13,10 @@ from scipy.integrate import solve_ivp
 
 from shaftline.plant import Schedule, load_ship, simulate
 from shaftline.plant.state import State
-from shaftline.studies.rov_thruster import __main__, page
+from shaftline.studies.rov_thruster import __main__, numbers, page
 from shaftline.studies.rov_thruster.runs import (
     CONSTANTS,
+    OWNERS_DEAD_ZONE_V,
     SPEED,
     Runs,
     Split,
@@ -108,3 +109,43 @@ def test_missing_recordings_are_named(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr("sys.argv", ["rov_thruster", "--recordings", str(tmp_path)])
     with pytest.raises(ValueError, match=r"closed_loop_lookup_step\.csv"):
         __main__.main()
+
+
+@pytest.fixture(scope="module")
+def with_offset(runs: Runs) -> numbers.Refit:
+    return numbers.refit(numbers.SETS[-1], runs, "2statekf1")
+
+
+def test_a_torque_offset_beside_the_numbers_is_the_asymmetry(with_offset: numbers.Refit) -> None:
+    """Found 0.843 V of dead zone and -0.0165 N m; the diagnosis has 1.02 and 3.15 rad/s."""
+    estimates = {e.key: e for e in with_offset.identification.estimates}
+    low, high = estimates[numbers.DEAD_ZONE].ci95
+    assert low < OWNERS_DEAD_ZONE_V < high
+    assert estimates[numbers.OFFSET].value == pytest.approx(-0.0169, abs=0.002)
+    errors = {result.run[1]: result.after for result in with_offset.judged}
+    assert errors["sine"] < 1.0
+    assert errors["ramp"] < 3.3
+    assert with_offset.identification.fit_after[SPEED] > 97.5
+
+
+def test_the_least_error_is_a_bound_that_is_nearly_reached(with_offset: numbers.Refit) -> None:
+    for result, least in zip(with_offset.judged, with_offset.least, strict=True):
+        assert least < result.after
+        if result.run[1] != "step":
+            assert result.after < 1.15 * least
+
+
+def test_numbers_without_the_missing_physics_fall_short_and_say_so(runs: Runs) -> None:
+    """Ratios 0.26 to 0.32, where friction named gives 0.06 and 0.10 on sine and ramp."""
+    found = numbers.refit(numbers.SETS[0], runs, "2statekf1")
+    assert set(found.identification.parameters) == {numbers.CONSTANT, numbers.RESISTANCE}
+    assert all(0.2 < r.ratio < 0.35 for r in found.judged)
+    assert "not noise" in found.identification.warnings[0]
+
+
+def test_numbers_that_share_a_scale_are_refused_together(runs: Runs) -> None:
+    together, unexcited = numbers.refusals(runs)
+    for key in (numbers.RESISTANCE, numbers.INERTIA, numbers.LOAD):
+        assert key in together
+    assert "cannot be found together" in together
+    assert unexcited.startswith(f"{numbers.LOAD} cannot be found: the recording does not excite it")

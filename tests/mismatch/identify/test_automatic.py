@@ -15,8 +15,12 @@ KQ, ETA_R = "propeller.torque_coefficient", "propeller.relative_rotative_efficie
 def test_a_rich_voyage_tells_all_but_what_it_does_not_measure() -> None:
     balances = Balances(JointReplay(load_ship("frigate"), frigate_voyage(seed=3, seconds=400.0)))
     keys, left = told_by(balances, balances.replay.segments)
-    assert left == {"prime_mover.fuel_base_g_kWh": "it moves nothing that is measured here"}
-    assert {"hull.mass_kg", "pitch_actuator.time_constant_s"} <= set(keys)
+    hull = ("hull.mass_kg", "hull.resistance_coefficient_N_s2_m2")
+    assert left == {
+        "prime_mover.fuel_base_g_kWh": "it moves nothing that is measured here",
+        "hull.thrust_deduction": f"only its combination with {hull[0]} and {hull[1]} is told",
+    }
+    assert {*hull, "pitch_actuator.time_constant_s"} <= set(keys)
 
 
 def test_without_gauge_and_log_less_is_told() -> None:

@@ -56,6 +56,7 @@ def test_a_step_stops_short_of_a_bound(frigate: Ship) -> None:
 def test_a_file_may_be_wrong_about_what_it_states_and_has_a_tolerance_or_an_effect() -> None:
     keys = doubtful(load_ship("frigate"))
     assert {MASS, WAKE, "prime_mover.torque_per_rack_N_m_mm"} <= set(keys)
+    assert "hull.thrust_deduction" in keys  # no tolerance speaks of it
     assert "transmission.gear_ratio" not in keys
     assert "hull.fouling_fraction" not in keys  # absent
     fouled = load_ship("frigate").with_values({"hull.fouling_fraction": 0.1})

@@ -71,3 +71,14 @@ def test_what_cannot_be_fitted_is_refused(frigate: Ship, tmp_path: Path) -> None
     load_jointly(frigate, [table])
     with pytest.raises(RecordingError, match="table: 39 rows; at least 40 are needed"):
         load_jointly(frigate, [table.iloc[1:]])
+
+
+def test_short_parts_of_a_voyage_count_together(frigate: Ship) -> None:
+    table = recording("a.csv").table
+    parts = [table.iloc[:10], table.iloc[10:20], table.iloc[20:]]
+    assert len(load_jointly(frigate, parts).tables) == 3
+    # what is set aside does not count
+    with pytest.raises(RecordingError, match="table and table: 20 rows; at least 40 are needed"):
+        load_jointly(frigate, parts[:2], parts[2:])
+    with pytest.raises(RecordingError, match="table: 9 rows; at least 10 are needed of each"):
+        load_jointly(frigate, [table, table.iloc[:9]])
