@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from .. import mismatch
-from ..mismatch.identify.identification import SHIP
-from ..mismatch.identify.pipeline import DEFAULT, METHODS
+from ..mismatch.numbers.identification import SHIP
+from ..mismatch.numbers.pipeline import DEFAULT, METHODS
 from ..mismatch.report.files import PAGE, REPORT
 from ..plant import load_ship
 from .console import BelievedShip, ColumnMap, check_folder, clear_errors, say, stages

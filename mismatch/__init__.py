@@ -3,10 +3,10 @@
 from .diagnosis import Diagnosis
 from .estimate import Estimate
 from .folder import diagnose_folder
-from .identify.identification import Identification
-from .identify.pipeline import identify
 from .judge.findings import Finding
 from .judge.fit import fit_percent
+from .numbers.identification import Identification
+from .numbers.pipeline import identify
 from .options import Options
 from .pipeline import diagnose
 from .recordings import Recording, fetch, load_recording

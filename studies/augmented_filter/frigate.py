@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...mismatch.identify.augmented import ekf
+from ...mismatch.numbers.augmented import ekf
 from ...observers import follow, follow_number, get_observer, readings_of
 from ...plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
 from ...plant.columns import MEASURED, drive_column

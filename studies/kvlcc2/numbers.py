@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.optimize import minimize_scalar
 
 from ...mismatch import identify
-from ...mismatch.identify.identification import Identification
+from ...mismatch.numbers.identification import Identification
 from ...plant import Ship
 from ...plant.columns import SHAFT_SPEED
 from .runs import (

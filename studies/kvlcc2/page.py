@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ...display import figures
 from ...display.tables import markdown, write_table
-from ...mismatch.identify.identification import Identification
+from ...mismatch.numbers.identification import Identification
 from ...plant import Ship
 from ...plant.columns import SHAFT_SPEED, TIME
 from .numbers import DEDUCTION, EFFICIENCY, FRESH_COLD, RESISTANCE, WAKE, best_wake, judged

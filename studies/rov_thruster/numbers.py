@@ -15,8 +15,8 @@ import pandas as pd
 from scipy.optimize import minimize
 
 from ...mismatch import identify
-from ...mismatch.identify.free import AUTO, Free
-from ...mismatch.identify.identification import Identification
+from ...mismatch.numbers.free import AUTO, Free
+from ...mismatch.numbers.identification import Identification
 from ...plant import Ship, load_ship
 from ...plant.columns import MEASURED
 from ...plant.replay import Replay

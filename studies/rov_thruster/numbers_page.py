@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from ...display.tables import markdown
-from ...mismatch.identify.identification import Identification
+from ...mismatch.numbers.identification import Identification
 from .numbers import CONSTANT, DEAD_ZONE, OFFSET, RESISTANCE, SETS, Freed, Refit
 from .runs import CONSTANTS, OWNERS_DEAD_ZONE_V, SPEED, TOLERANCE_FACTOR, WHOLE
 

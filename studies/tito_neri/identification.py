@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...mismatch.identify.drive_train import (
+from ...mismatch.numbers.drive_train import (
     CONSTANT,
     FRICTION,
     LOAD,
@@ -26,14 +26,14 @@ from ...mismatch.identify.drive_train import (
     from_poles,
     keys_of,
 )
-from ...mismatch.identify.found import Found
-from ...mismatch.identify.free import freed, number_of
-from ...mismatch.identify.frequency import SPEED, FrequencyResponse, modelled
-from ...mismatch.identify.frequency_fit import closed_form, fit
-from ...mismatch.identify.sine import sine
-from ...mismatch.identify.steady import CURRENT, steady
-from ...mismatch.identify.step import step
-from ...mismatch.identify.welch import welch
+from ...mismatch.numbers.found import Found
+from ...mismatch.numbers.free import freed, number_of
+from ...mismatch.numbers.frequency import SPEED, FrequencyResponse, modelled
+from ...mismatch.numbers.frequency_fit import closed_form, fit
+from ...mismatch.numbers.sine import sine
+from ...mismatch.numbers.steady import CURRENT, steady
+from ...mismatch.numbers.step import step
+from ...mismatch.numbers.welch import welch
 from ...plant import Ship, load_ship
 from ..side_by_side import published
 from . import experiments

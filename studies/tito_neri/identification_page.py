@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from ...display.figures import PALETTE, THESIS, new_figure, save
 from ...display.tables import markdown, write_table
-from ...mismatch.identify.frequency import SPEED, modelled
-from ...mismatch.identify.steady import CURRENT
+from ...mismatch.numbers.frequency import SPEED, modelled
+from ...mismatch.numbers.steady import CURRENT
 from ...plant import Ship, load_ship
 from . import identification as study
 from . import steady_states

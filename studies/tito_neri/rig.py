@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ...core.compiled import Record, compiled
-from ...mismatch.identify.drive_train import CONSTANT
+from ...mismatch.numbers.drive_train import CONSTANT
 from ...plant import Ship, equilibrium
 from ...plant.memory import MEMORY
 from ...plant.state import STATE

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from ...display.figures import ESTIMATE, TRUTH, new_figure, save
 from ...display.tables import markdown, write_table
-from ...mismatch.identify.frequency import SPEED
+from ...mismatch.numbers.frequency import SPEED
 from . import rig, rig_results
 from .experiments import staircase
 

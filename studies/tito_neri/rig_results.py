@@ -17,14 +17,14 @@ import numpy as np
 import pandas as pd
 
 from ...mismatch import fit_percent
-from ...mismatch.identify.drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, SIX
-from ...mismatch.identify.free import freed, number_of
-from ...mismatch.identify.frequency import SPEED
-from ...mismatch.identify.frequency_fit import fit
-from ...mismatch.identify.sine import sine, sine_response
-from ...mismatch.identify.steady import CURRENT
-from ...mismatch.identify.step import step
-from ...mismatch.identify.welch import coherent, noise_response, welch
+from ...mismatch.numbers.drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, SIX
+from ...mismatch.numbers.free import freed, number_of
+from ...mismatch.numbers.frequency import SPEED
+from ...mismatch.numbers.frequency_fit import fit
+from ...mismatch.numbers.sine import sine, sine_response
+from ...mismatch.numbers.steady import CURRENT
+from ...mismatch.numbers.step import step
+from ...mismatch.numbers.welch import coherent, noise_response, welch
 from ...plant import Ship, load_ship, simulate_recording
 from . import experiments
 from .experiments import FAST_S, POINT_C_V, Experiment

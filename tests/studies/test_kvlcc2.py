@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import identify
-from shaftline.mismatch.identify.identification import Identification
+from shaftline.mismatch.numbers.identification import Identification
 from shaftline.plant import RecordingError, Ship
 from shaftline.studies.kvlcc2 import __main__, numbers, page
 from shaftline.studies.kvlcc2.runs import (

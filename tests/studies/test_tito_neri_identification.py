@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.identify.frequency import SPEED
+from shaftline.mismatch.numbers.frequency import SPEED
 from shaftline.plant import load_ship
 from shaftline.studies.tito_neri import experiments, identification_page
 from shaftline.studies.tito_neri import identification as study

@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from shaftline.mismatch.identify.drive_train import SIX, drive_train
-from shaftline.mismatch.identify.free import number_of
-from shaftline.mismatch.identify.sine import sine
-from shaftline.mismatch.identify.step import step
+from shaftline.mismatch.numbers.drive_train import SIX, drive_train
+from shaftline.mismatch.numbers.free import number_of
+from shaftline.mismatch.numbers.sine import sine
+from shaftline.mismatch.numbers.step import step
 from shaftline.studies.tito_neri import experiments, rig, rig_page, rig_results
 from shaftline.studies.tito_neri.experiments import Experiment
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shaftline.mismatch.identify.free import number_of
+from shaftline.mismatch.numbers.free import number_of
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.replay import simulate_recording
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from shaftline.mismatch.identify.drive_train import CONSTANT, INDUCTANCE, LOAD
-from shaftline.mismatch.identify.free import RATIO, Free, doubtful, freed, number_of
+from shaftline.mismatch.numbers.drive_train import CONSTANT, INDUCTANCE, LOAD
+from shaftline.mismatch.numbers.free import RATIO, Free, doubtful, freed, number_of
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.terms import Term
 

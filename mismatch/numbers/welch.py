@@ -85,7 +85,7 @@ def welch(
 
     Returns:
         Values by least squares of complex errors, covariance from the coherence and from what is left.
-        Tables as of :func:`shaftline.mismatch.identify.sine.sine`, with the coherence.
+        Tables as of :func:`shaftline.mismatch.numbers.sine.sine`, with the coherence.
 
     Raises:
         ValueError: a column is missing, the demand is no noise, a shaft that rests or reverses, nothing

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.identify.drive_train import SIX
-from shaftline.mismatch.identify.frequency import modelled
-from shaftline.mismatch.identify.welch import coherent, noise_response, welch
+from shaftline.mismatch.numbers.drive_train import SIX
+from shaftline.mismatch.numbers.frequency import modelled
+from shaftline.mismatch.numbers.welch import coherent, noise_response, welch
 
 from .benches import recorded, shares_off, staircase, swing, tug
 

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from shaftline.mismatch.identify.drive_train import drive_train
-from shaftline.mismatch.identify.frequency import (
+from shaftline.mismatch.numbers.drive_train import drive_train
+from shaftline.mismatch.numbers.frequency import (
     FrequencyResponse,
     blurred,
     channels_of,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.identify.found import Found
+from shaftline.mismatch.numbers.found import Found
 
 
 def test_errors_and_correlation_are_the_covariances() -> None:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from shaftline.mismatch.identify.drive_train import CONSTANT, LOAD, RESISTANCE, SIX, drive_train
-from shaftline.mismatch.identify.free import freed
-from shaftline.mismatch.identify.frequency import FrequencyResponse, modelled
-from shaftline.mismatch.identify.frequency_fit import closed_form, fit, found_by
+from shaftline.mismatch.numbers.drive_train import CONSTANT, LOAD, RESISTANCE, SIX, drive_train
+from shaftline.mismatch.numbers.free import freed
+from shaftline.mismatch.numbers.frequency import FrequencyResponse, modelled
+from shaftline.mismatch.numbers.frequency_fit import closed_form, fit, found_by
 from shaftline.plant import Ship, load_ship
 
 from .benches import shares_off, tug

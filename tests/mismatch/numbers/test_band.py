@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.identify.band import LEAST_FREQUENCIES, TELLING, telling_hertz
-from shaftline.mismatch.identify.free import Free
+from shaftline.mismatch.numbers.band import LEAST_FREQUENCIES, TELLING, telling_hertz
+from shaftline.mismatch.numbers.free import Free
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship

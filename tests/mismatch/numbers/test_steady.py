@@ -9,14 +9,14 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from shaftline.mismatch.identify.drive_train import (
+from shaftline.mismatch.numbers.drive_train import (
     CONSTANT,
     FRICTION,
     LOAD,
     RESISTANCE,
     drive_train,
 )
-from shaftline.mismatch.identify.steady import balances, steady
+from shaftline.mismatch.numbers.steady import balances, steady
 from shaftline.plant import Ship, equilibrium, load_ship
 
 from .benches import shares_off, staircase, tug

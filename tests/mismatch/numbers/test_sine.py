@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.identify.drive_train import SIX
-from shaftline.mismatch.identify.frequency import modelled
-from shaftline.mismatch.identify.sine import sine, sine_response, sines
+from shaftline.mismatch.numbers.drive_train import SIX
+from shaftline.mismatch.numbers.frequency import modelled
+from shaftline.mismatch.numbers.sine import sine, sine_response, sines
 
 from .benches import recorded, shares_off, staircase, swing, tug
 

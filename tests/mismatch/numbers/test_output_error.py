@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.identify.found import Found
-from shaftline.mismatch.identify.free import Free
-from shaftline.mismatch.identify.output_error import OutputError, output_error, refuse_untold
 from shaftline.mismatch.judge.held_out import bands_of
+from shaftline.mismatch.numbers.found import Found
+from shaftline.mismatch.numbers.free import Free
+from shaftline.mismatch.numbers.output_error import OutputError, output_error, refuse_untold
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay

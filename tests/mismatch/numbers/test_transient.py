@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shaftline.mismatch.identify.drive_train import DriveTrain, drive_train, keys_of
-from shaftline.mismatch.identify.transient import steps, told
+from shaftline.mismatch.numbers.drive_train import DriveTrain, drive_train, keys_of
+from shaftline.mismatch.numbers.transient import steps, told
 
 from .benches import recorded, staircase, tug
 

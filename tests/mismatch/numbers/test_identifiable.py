@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shaftline.mismatch.identify.identifiable import (
+from shaftline.mismatch.numbers.identifiable import (
     one_direction,
     refuse_indistinct,
     refuse_unidentifiable,

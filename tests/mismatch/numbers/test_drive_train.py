@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from shaftline.mismatch.identify.drive_train import (
+from shaftline.mismatch.numbers.drive_train import (
     SIX,
     DriveTrain,
     WorkingPoint,
@@ -17,7 +17,7 @@ from shaftline.mismatch.identify.drive_train import (
     keys_of,
     needs_drive_train,
 )
-from shaftline.mismatch.identify.free import number_of
+from shaftline.mismatch.numbers.free import number_of
 from shaftline.plant import equilibrium, linearise, load_ship
 
 from .benches import recorded, tug

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.identify.drive_train import CONSTANT, FRICTION, INDUCTANCE, INERTIA, SIX
-from shaftline.mismatch.identify.step import step
+from shaftline.mismatch.numbers.drive_train import CONSTANT, FRICTION, INDUCTANCE, INERTIA, SIX
+from shaftline.mismatch.numbers.step import step
 from shaftline.plant import load_ship
 
 from .benches import recorded, shares_off, staircase, tug

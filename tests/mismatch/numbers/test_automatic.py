@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from shaftline.mismatch.identify.automatic import told_by
+from shaftline.mismatch.numbers.automatic import told_by
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.identify.drive_train import drive_train
-from shaftline.mismatch.identify.plateaus import plateaus
+from shaftline.mismatch.numbers.drive_train import drive_train
+from shaftline.mismatch.numbers.plateaus import plateaus
 
 from .benches import recorded, staircase, swing, tug
 

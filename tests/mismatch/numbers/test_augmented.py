@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.identify.augmented import ekf
-from shaftline.mismatch.identify.filter_noises import felt_at
-from shaftline.mismatch.identify.pipeline import METHODS, Work
+from shaftline.mismatch.numbers.augmented import ekf
+from shaftline.mismatch.numbers.filter_noises import felt_at
+from shaftline.mismatch.numbers.pipeline import METHODS, Work
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import get_sea, load_ship, realise
