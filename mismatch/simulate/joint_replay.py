@@ -91,15 +91,11 @@ class JointReplay:
             plant: ship record.
             shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s].
         """
-        return np.concatenate(
-            [
-                run.simulate(
-                    plant,
-                    (run.start[0] + shift[0], run.start[1] + shift[1], run.start[2] + shift[2]),
-                )
-                for run in self.runs
-            ]
-        )
+        found = [
+            run.simulate(plant, tuple(a + b for a, b in zip(run.start, shift, strict=True)))
+            for run in self.runs
+        ]
+        return found[0] if len(found) == 1 else np.concatenate(found)
 
     @functools.cached_property
     def recorded(self) -> dict[str, NDArray[np.float64]]:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from shaftline.mismatch import Options, Recording, diagnose, fit_percent
-from shaftline.plant import get_sea, load_ship, realise
+from shaftline.plant import get_sea, realise
 from shaftline.plant.replay import simulate_recording
 
-from .voyages import NOISE, frigate_voyage
+from .voyages import NOISE, frigate_voyage, quick_frigate
+
+
+def voyage(values: dict[str, Any] | None = None, **options: Any) -> pd.DataFrame:
+    """Of the frigate with some values of its own."""
+    return frigate_voyage(quick_frigate().with_values(values or {}), **options)
 
 
 @pytest.mark.parametrize(("sea", "seed"), [(None, 0), (None, 1), ("state-5", 2), ("state-6", 3)])
@@ -21,7 +28,7 @@ def test_nothing_is_named_where_nothing_is_missing(sea: str | None, seed: int) -
         preset = get_sea(sea)
         assert preset is not None
         waves = realise(preset, 4.0, seed)
-    found = diagnose(load_ship("frigate"), frigate_voyage(seed=seed, seconds=300.0, sea=waves))
+    found = diagnose(quick_frigate(), voyage(seed=seed, seconds=300.0, sea=waves))
     assert found.verdict == "nothing-missing"
     assert found.fit_after == found.fit_before
     assert found.held_out_gain == 0.0
@@ -35,7 +42,7 @@ def test_a_wrong_number_inside_its_tolerance_is_no_missing_physics() -> None:
         "transmission.inertia_engine_side_kg_m2": 53697.0 * 0.99,
         "prime_mover.torque_per_rack_N_m_mm": 1428.6 * 1.003,
     }
-    found = diagnose(load_ship("frigate"), frigate_voyage(values, seed=5, seconds=300.0))
+    found = diagnose(quick_frigate(), voyage(values, seed=5, seconds=300.0))
     assert found.verdict == "nothing-missing"
 
 
@@ -47,7 +54,7 @@ def test_what_the_catalogue_does_not_hold_is_shown_without_a_name() -> None:
         "unexplained.knots": [0.0, 199.0, 200.0, 380.0, 381.0, 600.0],
         "unexplained.values": [0.0, 0.0, -25000.0, -25000.0, 0.0, 0.0],
     }
-    found = diagnose(load_ship("frigate"), frigate_voyage(values, seed=4))
+    found = diagnose(quick_frigate(), voyage(values, seed=4))
     assert found.verdict == "unexplained"
     assert found.shape is not None
     assert found.shape.balance == "engine"
@@ -58,46 +65,46 @@ def test_what_the_catalogue_does_not_hold_is_shown_without_a_name() -> None:
 
 def test_the_true_effect_left_out_of_the_catalogue_is_not_replaced_by_a_wrong_name() -> None:
     values = {"prime_mover.lag_s": 2.5}
-    table = frigate_voyage(values, seed=3)
+    table = voyage(values, seed=3)
     out = ("engine-torque-lag", "engine-dead-time", "rack-rate-limit", "torque-sensor-delay")
-    found = diagnose(load_ship("frigate"), table, options=Options(exclude=out))
+    found = diagnose(quick_frigate(), table, options=Options(exclude=out))
     assert found.verdict == "unexplained"
     assert found.to_dict()["location"]["balances"] == ["engine"]
 
 
 def test_a_dull_recording_is_not_guessed_at() -> None:
-    table = frigate_voyage(seed=2, seconds=60.0)
+    table = voyage(seed=2, seconds=60.0)
     steady = simulate_recording(
-        load_ship("frigate"), table.assign(fuel_rack_mm=20.0, pitch_ratio_command=1.2)
+        quick_frigate(), table.assign(fuel_rack_mm=20.0, pitch_ratio_command=1.2)
     )
     rng = np.random.default_rng(0)
     for column, rms in NOISE.items():
         steady[column] = steady[column] + rms * rng.standard_normal(len(steady))
     dull = Recording(Path("r.csv"), steady, 0.2, {}, limits=("dull: the rack does not move",))
-    found = diagnose(load_ship("frigate"), dull)
+    found = diagnose(quick_frigate(), dull)
     assert not found.findings
     assert "annot be decided, because dull: the rack does not move" in found.to_dict()["sentence"]
 
 
 def test_two_effects_are_both_named() -> None:
     values = {"hull.fouling_fraction": 0.2, "prime_mover.derating_fraction": 0.08}
-    found = diagnose(load_ship("frigate"), frigate_voyage(values, seed=7, seconds=300.0))
+    found = diagnose(quick_frigate(), voyage(values, seed=7, seconds=300.0))
     assert {f.effect.id for f in found.findings} == {"hull-fouling", "engine-derating"}
 
 
 def test_same_recording_same_diagnosis() -> None:
-    table = frigate_voyage({"hull.fouling_fraction": 0.2}, seed=1, seconds=100.0)
-    first, second = (diagnose(load_ship("frigate"), table).to_dict() for _ in range(2))
+    table = voyage({"hull.fouling_fraction": 0.2}, seed=1, seconds=100.0)
+    first, second = (diagnose(quick_frigate(), table).to_dict() for _ in range(2))
     assert first == second
 
 
 def test_a_simulation_can_be_diagnosed_too() -> None:
     """It has no noise; a pitch that never moves has no FitPercent, and its balance is not checked."""
-    true = load_ship("frigate").with_values({"hull.fouling_fraction": 0.3})
-    orders = frigate_voyage(seed=2, seconds=200.0).assign(pitch_ratio_command=1.2, pitch_ratio=1.2)
+    true = quick_frigate().with_values({"hull.fouling_fraction": 0.3})
+    orders = voyage(seed=2, seconds=200.0).assign(pitch_ratio_command=1.2, pitch_ratio=1.2)
     told: list[tuple[str, int, int]] = []
     found = diagnose(
-        load_ship("frigate"), simulate_recording(true, orders), tick=lambda *said: told.append(said)
+        quick_frigate(), simulate_recording(true, orders), tick=lambda *said: told.append(said)
     )
     assert [f.effect.id for f in found.findings] == ["hull-fouling"]
     assert "pitch_ratio" in found.measured
@@ -117,8 +124,8 @@ def test_a_simulation_can_be_diagnosed_too() -> None:
 
 def test_whole_recordings_are_set_aside() -> None:
     values = {"hull.fouling_fraction": 0.3}
-    one, two = (frigate_voyage(values, seed=seed, seconds=100.0) for seed in (1, 2))
-    found = diagnose(load_ship("frigate"), one, hold_out=[two], options=Options(tolerance=2.0))
+    one, two = (voyage(values, seed=seed, seconds=100.0) for seed in (1, 2))
+    found = diagnose(quick_frigate(), one, hold_out=[two], options=Options(tolerance=2.0))
     assert found.held_out == [pytest.approx((100.2, 200.4))]
     assert found.findings[0].effect.id == "hull-fouling"
     rows = slice(501, None)

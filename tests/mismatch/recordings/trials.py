@@ -19,7 +19,7 @@ NOISE = {
 COLUMNS = ["fuel_rack_mm", "pitch_ratio_command", *NOISE]
 
 
-def voyage(ship: Ship, sea: str | None = None, seconds: float = 300.0) -> pd.DataFrame:
+def voyage(ship: Ship, sea: str | None = None, seconds: float = 180.0) -> pd.DataFrame:
     """A recording at 10 Hz of a ship whose rack and pitch step, with noisy instruments."""
     rng = np.random.default_rng(1)
     time = ship.time_step_s * np.arange(round(seconds / ship.time_step_s))

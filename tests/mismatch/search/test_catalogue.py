@@ -17,7 +17,7 @@ from shaftline.plant.replay import simulate_recording
 from shaftline.plant.term_kernel import MAX_TERMS
 from shaftline.plant.terms import Term
 
-from ..voyages import bench_tug, frigate_voyage, tug_run
+from ..voyages import bench_tug, frigate_voyage, quick_frigate, tug_run
 
 ENGINE_SIDE = "transmission.coulomb_friction_engine_side_N_m"
 
@@ -112,7 +112,8 @@ def _named(diagnosis: Diagnosis, effect: str, balance: str) -> None:
 )
 def test_a_concealed_effect_is_named(effect: str, balance: str, values: dict[str, Any]) -> None:
     seconds = 600.0 if effect in LONG else 300.0
-    found = diagnose(load_ship("frigate"), frigate_voyage(values, seed=3, seconds=seconds))
+    true = quick_frigate().with_values(values)
+    found = diagnose(quick_frigate(), frigate_voyage(true, seed=3, seconds=seconds))
     _named(found, effect, balance)
     first = found.findings[0]
     if first.effect.id == effect:
@@ -139,8 +140,9 @@ def test_ventilation_is_named_where_the_submergence_was_measured() -> None:
         "ventilation.recovery_submergence": 1.3,
     }
     extra = {"propeller_submergence_m": submergence}
-    table = frigate_voyage(values, seed=3, seconds=300.0, extra=extra)
-    found = diagnose(load_ship("frigate"), table)
+    true = quick_frigate().with_values(values)
+    table = frigate_voyage(true, seed=3, seconds=300.0, extra=extra)
+    found = diagnose(quick_frigate(), table)
     _named(found, "ventilation", "propeller")
     sizes = [estimate.value for estimate in found.findings[0].estimates]
     assert sizes == pytest.approx([0.4, 1.1], rel=0.1)
@@ -151,8 +153,9 @@ def test_an_inflow_lag_is_named_where_the_inflow_was_measured() -> None:
         return 0.8 * np.sin(2 * np.pi * t / 7.0) + 0.5 * np.sin(2 * np.pi * t / 23.0)
 
     values = {"propeller.inflow_lag_s": 2.5}
-    table = frigate_voyage(values, seed=3, seconds=300.0, extra={"inflow_velocity_m_s": gusts})
-    found = diagnose(load_ship("frigate"), table)
+    true = quick_frigate().with_values(values)
+    table = frigate_voyage(true, seed=3, seconds=300.0, extra={"inflow_velocity_m_s": gusts})
+    found = diagnose(quick_frigate(), table)
     _named(found, "inflow-lag", "propeller")
     assert found.findings[0].estimates[0].value == pytest.approx(2.5, rel=0.1)
 
