@@ -100,6 +100,9 @@ def test_the_page_says_what_was_found(
 ) -> None:
     for name, few in (("EVERY", (20,)), ("STICTIONS", (0.001,))):
         monkeypatch.setattr(f"shaftline.studies.emps.runs.{name}", few)
+    monkeypatch.setattr(
+        "shaftline.studies.emps.runs.refitted", lambda recording: rig().with_values(PUBLISHED)
+    )
     page.write(tmp_path, identified(runs), yardsticks(runs), runs)
     text = (tmp_path / "emps.md").read_text()
     assert "All 2 runs lie within 0." in text
