@@ -42,6 +42,7 @@ class Identification:
         fit_after: likewise.
         limits: what the recordings cannot show.
         warnings: what a reader must know.
+        line: whether the demands were taken as straight lines between rows instead of held.
     """
 
     method: str
@@ -60,6 +61,7 @@ class Identification:
     fit_after: dict[str, float] = field(default_factory=dict)
     limits: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    line: bool = False
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -156,6 +158,7 @@ class Identification:
                     "before": self.fit_before, "after": self.fit_after,
                 }
             },
+            "demands_between_rows": "lines" if self.line else "held",
             "limits": self.limits,
             "warnings": self.warnings,
         }  # fmt: skip

@@ -28,6 +28,9 @@ MOST_STEPS = 40
 SETTLED = 0.02
 """Gain in 2 log L below which the search ends."""
 
+ALIKE = 0.95
+"""Correlation from which on a number that was not found is told with those that take its place."""
+
 UNTOLD = 1.0
 """Standard error, as a share of a number, from which on it was not found."""
 
@@ -223,9 +226,16 @@ def refuse_untold(found: Found, free: Free) -> None:
     Raises:
         ValueError: names it.
     """
-    for number, value, error in zip(free.numbers, found.values, found.standard_errors, strict=True):
+    told = zip(free.numbers, found.values, found.standard_errors, found.correlation, strict=True)
+    for number, value, error, correlation in told:
         if number.info.neutral is None and error > abs(value) * UNTOLD:
+            alike = [
+                key
+                for key, one in zip(free.keys, correlation, strict=True)
+                if abs(one) > ALIKE and key != number.key
+            ]
+            why = f"tell it from {' and '.join(alike)}" if alike else "excite it"
             raise ValueError(
-                f"{number.key} cannot be found: the recording does not excite it (found {value:.4g}, "
+                f"{number.key} cannot be found: the recording does not {why} (found {value:.4g}, "
                 f"standard error {error:.2g})"
             )

@@ -269,6 +269,7 @@ def _identification(method: str, ship: Ship, found: Found, **judged: Any) -> Ide
         ),
         correlation=found.correlation,
         tables=found.tables,
+        line=found.line,
         **judged,
     )
 

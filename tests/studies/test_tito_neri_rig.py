@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from shaftline.mismatch.numbers.drive_train import SIX, drive_train
+from shaftline.mismatch.numbers.drive_train import CONSTANT, RESISTANCE, SIX, drive_train
 from shaftline.mismatch.numbers.free import number_of
 from shaftline.mismatch.numbers.sine import sine
 from shaftline.mismatch.numbers.step import step
@@ -149,3 +149,18 @@ def test_a_change_is_found_in_thirty_seconds() -> None:
     after = rig_results.estimates("step", fouled, 1)
     for way in ("together", "alone"):
         assert after[way][key] / before[way][key] == pytest.approx(1.02, abs=2e-3)
+
+
+@pytest.mark.parametrize("method", list(rig_results.OUTPUT_ERROR))
+def test_output_error_finds_the_rig(method: str) -> None:
+    """The linear model meets small motions about a point only."""
+    if method == "output-error":
+        test, off = experiments.staircase((3.91, 5.89, 7.9), 0.8), 0.02
+    else:
+        test, off = rig_results.record_of_30_s("welch", 1), 0.05
+        test = test._replace(voltage=test.voltage[:60_000])
+    found = rig_results.numbers_by(method, [rig.measured(SHIP, test, seed=1)])
+    assert set(found) == set(rig_results.OUTPUT_ERROR[method][1])
+    for key in (CONSTANT, RESISTANCE):
+        truth = number_of(SHIP, key).value
+        assert found[key] == pytest.approx(truth, rel=off), key
