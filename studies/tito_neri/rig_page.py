@@ -116,8 +116,7 @@ perfect model.
 {markdown(found.fits, 4)}
 
 Of output error, one row in ten is read (1 kHz), which says little of an inductance that acts within
-half a millisecond. About one point resistance and friction are one number: the linear model is given
-the start's friction, and no delay, which it does not have.
+half a millisecond.
 
 The inductance of `step` comes from two or three samples of each step, into which a ripple of ±0.12
 A falls as the motor happens to stand.

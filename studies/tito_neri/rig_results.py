@@ -47,13 +47,11 @@ METHODS: dict[str, tuple[Callable[..., Any], str, tuple[str, ...]]] = {
 
 OUTPUT_ERROR: dict[str, tuple[str, tuple[str, ...]]] = {
     "output-error": ("staircase", LATE),
-    "output-error-linear": ("noise", tuple(key for key in SIX if key != FRICTION)),
 }
-"""Likewise, the paper's methods 3 and 2. About one point friction and resistance are one number, and the
-linear model has no instruments: it leaves both friction and delay as they are."""
+"""Likewise, the paper's method 3."""
 
 THINNED = 10
-"""One row in so many is enough for these."""
+"""One row in so many is enough for it."""
 
 WATCHED = {FRICTION: 0.20, LOAD: 0.10, RESISTANCE: 0.15, CONSTANT: -0.05}
 """Numbers that are watched, and a change of each: worn bearings, a fouled propeller, a warm winding,
