@@ -148,4 +148,5 @@ def test_numbers_that_share_a_scale_are_refused_together(runs: Runs) -> None:
     for key in (numbers.RESISTANCE, numbers.INERTIA, numbers.LOAD):
         assert key in together
     assert "cannot be found together" in together
-    assert unexcited.startswith(f"{numbers.LOAD} cannot be found: the recording does not excite it")
+    told = f"{numbers.LOAD} cannot be found: the recording does not tell it from {numbers.CONSTANT}"
+    assert unexcited.startswith(told)
