@@ -91,7 +91,7 @@ def test_identify_finds_the_published_numbers(runs: Recordings, every: int) -> N
     for key in KEYS[:3]:
         assert found.parameters[key] == pytest.approx(PUBLISHED[key], rel=0.02), key
     assert found.parameters[OFFSET] == pytest.approx(PUBLISHED[OFFSET], abs=0.15)
-    assert errors(found.identified, runs.validation)[1] < 8.2
+    assert errors(found.identified, runs.validation)[1] < 8.4
 
 
 @needs_recordings
