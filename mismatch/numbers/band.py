@@ -47,18 +47,24 @@ def telling_hertz(
     """
     replay = balances.replay
     noise = replay.noise_rms
-    here = replay.simulated(replay.simulate(free.record(values)))
+
+    def simulated(at: Sequence[float]) -> Channels:
+        found = replay.simulated(replay.simulate(free.record(at)))
+        if SHAFT_ANGLE in found:
+            found[SHAFT_ANGLE] = rate(found[SHAFT_ANGLE], replay.interval_s)
+        return found
+
+    here = simulated(values)
     frequency = np.concatenate([np.fft.rfftfreq(b - a, replay.interval_s) for a, b in segments])
     order = np.argsort(frequency)
     highest = float(frequency[order][: LEAST_FREQUENCIES + 1][-1])
     for i, value in enumerate(values):
         moved = [*values]
         moved[i] += 1e-3 * abs(value) or 1e-3
-        there = replay.simulated(replay.simulate(free.record(moved)))
+        there = simulated(moved)
         power: Any = 0.0
         for column in replay.channels:
-            shift = _as_speed(there, column, replay.interval_s)
-            shift -= _as_speed(here, column, replay.interval_s)
+            shift = there[column] - here[column]
             if noise[column] > 0.0 and np.isfinite(shift).all():
                 power = power + _power(shift / noise[column], segments)
         told = np.cumsum(np.broadcast_to(power, frequency.shape)[order])
@@ -66,11 +72,6 @@ def telling_hertz(
             return np.inf
         highest = max(highest, float(frequency[order][np.searchsorted(told, TELLING * told[-1])]))
     return highest
-
-
-def _as_speed(channels: Channels, column: str, interval_s: float) -> NDArray[np.float64]:
-    values = channels[column]
-    return rate(values, interval_s) if column == SHAFT_ANGLE else values.copy()
 
 
 def _power(values: NDArray[np.float64], segments: Segments) -> NDArray[np.float64]:

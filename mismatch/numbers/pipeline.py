@@ -89,7 +89,8 @@ def identify(
                 "steady states given as points are fitted whole; set no recording aside"
             )
         found = steady(ship, points, keys, tick)
-        return _identification(method, ship, found, warnings=[*found.remarks])
+        identified = _identified(ship, found)
+        return _identification(method, ship, identified, found, warnings=[*found.remarks])
     together = load_jointly(ship, recordings, hold_out, columns, tick)
     with threadpool_limits(1, "blas"):
         balances = Balances(JointReplay(ship, *together.tables))
@@ -242,6 +243,7 @@ def _judged(
     return _identification(
         method,
         replay.ship,
+        identified,
         found,
         left_out=left_out,
         time_s=replay.time_s,
@@ -256,13 +258,15 @@ def _judged(
     )
 
 
-def _identification(method: str, ship: Ship, found: Found, **judged: Any) -> Identification:
-    """What a method found, as a ship."""
+def _identification(
+    method: str, ship: Ship, identified: Ship, found: Found, **judged: Any
+) -> Identification:
+    """What a method found, with what it was judged by."""
     free = Free(ship, found.keys)
     return Identification(
         method=method,
         ship=ship,
-        identified=_identified(ship, found),
+        identified=identified,
         estimates=tuple(
             Estimate(n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e))
             for n, v, e in zip(free.numbers, found.values, found.standard_errors, strict=True)
@@ -278,9 +282,8 @@ def _identified(ship: Ship, found: Found) -> Ship:
     """The ship with the numbers that were found, and how well each is known."""
     numbers = dict(ship.tolerances.numbers)
     for key, error in zip(found.keys, found.standard_errors, strict=True):
-        if ship.has_key(
-            key
-        ):  # else the record holds it in another form, and nothing is known of it
+        # else the record holds it in another form, and nothing is known of it
+        if ship.has_key(key):
             numbers[key] = float(error)
     known = Free(ship, found.keys).at(found.values)
     return known.with_values({"tolerances.numbers": numbers})

@@ -8,11 +8,10 @@ from pathlib import Path
 import pandas as pd
 
 from ...plant.columns import COLUMNS, SHAFT_SPEED, TIME, drive_column
-from ...plant.recording import RecordingError, as_numbers, check_bounds, read_table
+from ...plant.recording import RecordingError, as_numbers, check_bounds
 from ...plant.ship import Ship
-from ..recordings.columns import load_map
 from ..recordings.joint import Recorded
-from ..recordings.load import Recording
+from ..recordings.load import Recording, read_mapped
 
 
 def points_of(
@@ -50,9 +49,7 @@ def _table(ship: Ship, source: Recorded, columns: Path | None) -> pd.DataFrame:
     if isinstance(source, pd.DataFrame):
         return source
     path = Path(source)
-    raw = read_table(path)
-    if columns is not None:
-        raw = load_map(columns).apply(path, raw)
+    raw = read_mapped(path, columns)
     if TIME in raw:
         return raw
     if not set(raw) & set(COLUMNS):  # then it is no table of points either

@@ -103,9 +103,7 @@ def load_recording(path: str | Path, ship: Ship, columns: str | Path | None = No
             turn; a channel that is dead, in another unit, of the other sign or under another's name.
     """
     path = Path(path)
-    raw = read_table(path)
-    if columns is not None:
-        raw = load_map(columns).apply(path, raw)
+    raw = read_mapped(path, columns)
     turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
     required = list(dict.fromkeys([*input_columns(ship), turning]))
     numbers = as_numbers(path, raw, required)[[c for c in COLUMNS if c in raw]]
@@ -118,6 +116,20 @@ def load_recording(path: str | Path, ship: Ship, columns: str | Path | None = No
     warnings += at_rest(table, ship, noise)
     limits = (*too_short(table, interval, ship), *dull(table, ship, noise))
     return Recording(path, table, float(interval), noise, tuple(warnings), limits)
+
+
+def read_mapped(path: Path, columns: str | Path | None = None) -> pd.DataFrame:
+    """A file's table under canonical names and units, not yet checked.
+
+    Args:
+        path: CSV or Parquet file.
+        columns: column map, or none.
+
+    Raises:
+        RecordingError: file or map cannot be used.
+    """
+    raw = read_table(path)
+    return raw if columns is None else load_map(columns).apply(path, raw)
 
 
 def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> None:

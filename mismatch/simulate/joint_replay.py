@@ -52,7 +52,6 @@ class JointReplay:
 
     def __init__(self, ship: Ship, *tables: pd.DataFrame, line: bool = False) -> None:
         self.ship = ship
-        self.line = line
         over = START_STEPS * ship.time_step_s
         self.runs = [Replay(ship, table, over, line) for table in tables]
         first = self.runs[0]
@@ -92,10 +91,22 @@ class JointReplay:
             shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s].
         """
         found = [
-            run.simulate(plant, tuple(a + b for a, b in zip(run.start, shift, strict=True)))
+            self.simulate_run(
+                run, plant, tuple(a + b for a, b in zip(run.start, shift, strict=True))
+            )
             for run in self.runs
         ]
         return found[0] if len(found) == 1 else np.concatenate(found)
+
+    def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
+        """Samples at one recording's rows.
+
+        Args:
+            run: one of ``runs``.
+            plant: ship record.
+            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at its first row.
+        """
+        return run.simulate(plant, start)
 
     @functools.cached_property
     def recorded(self) -> dict[str, NDArray[np.float64]]:

@@ -49,30 +49,28 @@ class LinearReplay(JointReplay):
             raise ValueError(f"{ship.name}: a speed that is held has no linear model to be fitted")
         super().__init__(ship, *tables, line=line)
 
-    def simulate(self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
-        """Samples at the recordings' rows by the linear model of a ship record.
+    def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
+        """Samples at one recording's rows by the linear model of a ship record.
 
         Args:
+            run: one of ``runs``.
             plant: ship record.
-            shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s].
+            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at its first row.
         """
-        return np.concatenate([_simulated(run, plant, shift) for run in self.runs])
+        return _simulated(run, plant, start)
 
 
-def _simulated(run: Replay, plant: Any, shift: tuple[float, float, float]) -> NDArray[Any]:
-    inflow = run.inflow(plant)[1::2]  # at the steps' middles
-    acting = np.column_stack([run.pitch, run.drive, np.ones(len(run.drive)), inflow])
+def _simulated(run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
+    inflow = run.inflow(plant)
+    at_middles = inflow[1::2]
+    acting = np.column_stack([run.pitch, run.drive, np.ones(len(run.drive)), at_middles])
     mean = dict(zip(INPUTS.values(), acting.mean(axis=0), strict=True))
     inputs = Inputs(
         mean["drive"], mean["pitch_command"], mean["inflow"],
         resistance_factor=mean["resistance_factor"],
     )  # fmt: skip
     middle = settled(plant, State(*_means(run)), inputs)
-    first = settled(
-        plant,
-        run.first_state(tuple(a + b for a, b in zip(run.start, shift, strict=True))),
-        run.first_inputs(run.inflow(plant)),
-    )
+    first = settled(plant, run.first_state(start), run.first_inputs(inflow))
     states = [*active_states(plant), "shaft_angle"]
     outputs = [name.removeprefix("measured_") for name in MEASURED.values()]
     model = tangent(plant, middle, inputs, middle.pitch_ratio, states, outputs)

@@ -31,8 +31,8 @@ KEYS = (MASS, VISCOUS, COULOMB, OFFSET)
 PUBLISHED = dict(zip(KEYS, (95.11, 203.5, 20.4, 3.2), strict=True))
 """[kg, N s/m, N, N]; their offset is what the force must overcome, ours what the drive adds."""
 
-STARTS = {
-    "as in the file": {MASS: 80.0, VISCOUS: 150.0, COULOMB: 10.0},
+STARTS: dict[str, dict[str, float]] = {
+    "as in the file": {},
     "far off": {MASS: 60.0, VISCOUS: 300.0, COULOMB: 30.0},
 }
 EVERY = (1, 5, 20)

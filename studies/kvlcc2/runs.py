@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from ...core.compiled import Record, compiled
 from ...plant import RecordingError, Ship
 from ...plant.columns import SHAFT_SPEED, TIME
-from ...plant.hull import wake_inflow
-from ...plant.propeller import propeller_load
+from ...plant.dynamics import loads
 from ...plant.recording import as_numbers, read_recording, read_table
 from ...plant.ship_errors import validated
+from ...plant.state import Inputs, motion_state
 
 NAMES = (
     "z_05_01", "z_10_01", "z_10_05", "z_10_10_p", "z_10_10_s", "z_15_01", "z_15_05", "z_20_05",
@@ -194,12 +194,11 @@ def _fill_loads(
 ) -> None:
     """Thrust [N] and torque [N m] behind the ship at each row; the last two filled."""
     for k in range(len(ship_speed)):
-        load = propeller_load(
-            plant, wake_inflow(plant, ship_speed[k]), shaft_speed[k], plant.pitch_ratio_max,
-            plant.depth, 0.0,
-        )  # fmt: skip
-        thrust[k] = load.thrust
-        torque[k] = load.torque / plant.relative_rotative_efficiency
+        state = motion_state(plant.pitch_ratio_max, shaft_speed[k], ship_speed[k])
+        acts = Inputs(shaft_speed[k], plant.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+        acting = loads(plant, state, acts, plant.pitch_ratio_max)
+        thrust[k] = acting.thrust
+        torque[k] = acting.load_torque
 
 
 def loads_at(

@@ -153,7 +153,7 @@ def test_a_change_is_found_in_thirty_seconds() -> None:
 
 def test_output_error_finds_the_rig() -> None:
     test = experiments.staircase((3.91, 5.89, 7.9), 0.8)
-    found = rig_results.numbers_by("output-error", [rig.measured(SHIP, test, seed=1)])
+    found = rig_results.numbers_by(rig_results.OUTPUT_ERROR, [rig.measured(SHIP, test, seed=1)])
     assert set(found) == set(rig_results.LATE)
     for key in (CONSTANT, RESISTANCE):
         assert found[key] == pytest.approx(number_of(SHIP, key).value, rel=0.02), key
