@@ -75,7 +75,9 @@ def simulate(
             assert inputs is not None
             waves = get_sea(sea or "calm")
             realised = realise(waves, vessel.propeller.depth_m, seed) if waves else None
-            recording = read_recording(inputs, input_columns(vessel))
+            recording = read_recording(
+                inputs, [*input_columns(vessel), *vessel.hears], vessel.signals
+            )
             table = simulate_recording(vessel, recording, realised)
             title = f"{vessel.name} driven by {inputs.name}"
         if watcher is not None:

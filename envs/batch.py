@@ -94,6 +94,7 @@ class Batch:
             raise ValueError(
                 f"{self.ship.name}: the environment needs a diesel ship that moves by a propeller"
             )
+        self.ship.refuse_unheard(())
         self.dt = self.ship.time_step_s
         self.steps = settings.steps(self.dt)
         self.interval_s = self.steps * self.dt

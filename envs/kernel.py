@@ -18,6 +18,7 @@ from ..core.compiled import Record, compiled
 from ..observers.base import Measurement
 from ..observers.registry import update
 from ..plant.stepping import Disturbance, observe, step
+from ..plant.term_kernel import NO_SIGNALS
 from .randomness import normal
 from .records import MAX_ORDERS
 from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of
@@ -52,7 +53,7 @@ def disturbance(episode: Record, time: float) -> Disturbance:
     """Disturbance at a time since reset [s]: resistance with the episode's mean and a slow swing."""
     angle = resistance_angle(episode, time)
     factor = episode.resistance_mean + episode.resistance_swing * math.sin(angle)
-    return Disturbance(0.0, 0.0, factor)
+    return Disturbance(0.0, 0.0, factor, NO_SIGNALS)
 
 
 @compiled

@@ -21,7 +21,7 @@ from .judge.findings import detectable_effects, findings_of
 from .judge.fit import fits
 from .judge.held_out import Segments, bands_of, held_out_judge, set_aside
 from .judge.location import active_windows, change_points, regime, windows_between
-from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of
+from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_of
 from .judge.verdict import EXPLAINED, UNEXPLAINED, verdict_of
 from .judge.whiteness import Whiteness
 from .options import Options
@@ -31,7 +31,7 @@ from .search.catalogue import applicable
 from .search.fitting import Fitter
 from .search.placed import Window
 from .search.selection import Selection, Selector
-from .simulate.balances import PART_OF, Balances
+from .simulate.balances import Balances
 from .simulate.joint_replay import JointReplay
 
 
@@ -129,8 +129,9 @@ def _judged(
         windows, where = _located(shape, fitter)
     if not explained:
         gain = 0.0
-    if shape is not None and shape.balance not in PART_OF:
-        shaped = _with_shape(corrected, shape)
+    term = None if shape is None else term_of(shape, corrected)
+    if term is not None:
+        shaped = corrected.with_term(term)
         brought = judge(shaped.record()) - nominal
         if brought > 0.0:  # a shape that does not hold on data set aside is shown, not used
             corrected, gain = shaped, brought
@@ -181,19 +182,3 @@ def _located(shape: Shape, fitter: Fitter) -> tuple[list[Window], str]:
     replay = fitter.balances.replay
     windows = active_windows(shape.trace, replay.interval_s, float(replay.time_s[-1]))
     return windows, regime(shape.trace, signals_of(fitter, fitter.null))
-
-
-def _with_shape(ship: Ship, shape: Shape) -> Ship:
-    """The ship with the missing quantity switched on."""
-    values = np.asarray(shape.values)
-    balance = "engine" if shape.balance == "motor" else shape.balance
-    if balance == "pitch-actuator":
-        values = values / ship.pitch_actuator.time_constant_s
-    return ship.with_values(
-        {
-            "unexplained.balance": balance,
-            "unexplained.signal": shape.signal,
-            "unexplained.knots": [float(x) for x in shape.knots],
-            "unexplained.values": [float(x) for x in values],
-        }
-    )

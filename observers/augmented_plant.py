@@ -23,6 +23,7 @@ from ..plant.hull import episode_factor
 from ..plant.memory import begin_step, end_step, pitch_read, read_instruments, torque_read
 from ..plant.state import Inputs, Outputs, State, get_state, moved, set_state
 from ..plant.stepping import runge_kutta
+from ..plant.term_kernel import outside_at
 from .augmented import correct, propagate
 
 Floats = NDArray[np.float64]
@@ -68,6 +69,7 @@ class Course(NamedTuple):
     pitch: Floats
     inflow: Floats
     elevation: Floats
+    signals: Floats  # from outside, shape (2 steps + 1 or 1, MAX_SIGNALS)
     per_row: int  # steps from one row to the next
     dt: float  # of a step [s]
 
@@ -119,7 +121,7 @@ def _disturbed(inputs: Inputs, more: Real) -> Inputs:
     return Inputs(
         inputs.drive, inputs.pitch_command, inputs.inflow + more, inputs.inflow_slope,
         inputs.inflow_position, inputs.elevation, inputs.resistance_factor, inputs.time,
-        inputs.drive_rate,
+        inputs.drive_rate, inputs.outside,
     )  # fmt: skip
 
 
@@ -196,7 +198,10 @@ def _acts(
     command = course.pitch[min(step, len(course.pitch) - 1)]
     factor = episode_factor(plant, memory.cursor * course.dt, course.dt)
     inflow, elevation = course.inflow[at], course.elevation[at]
-    return Inputs(memory.rack, command, inflow, 0.0, 0.0, elevation, factor, time, 0.0)
+    return Inputs(
+        memory.rack, command, inflow, 0.0, 0.0, elevation, factor, time, 0.0,
+        outside_at(course.signals, at),
+    )  # fmt: skip
 
 
 @compiled_apart

@@ -15,9 +15,8 @@ from .drives import driven, holding_torque
 from .hull import resistance, wake_inflow, water_speed
 from .propeller import propeller_load
 from .shaft import brake_torque_of, drive_torque, gauge_torque, load_torque, shaft_inertia
-from .state import LAGGING, Inputs, Outputs, State, moved, without_rates
-from .term_kernel import Heard, added
-from .unexplained import ENGINE, HULL, PITCH_ACTUATOR, PROPELLER, unexplained
+from .state import LAGGING, TERM_STATES, Inputs, Outputs, State, along, moved, without_rates
+from .term_kernel import Heard, Loaded, added, added_before
 from .ventilation import can_ventilate, ventilation_rate
 
 
@@ -39,7 +38,10 @@ class Loads(NamedTuple):
     inflow_rate: Real  # [m/s2]
     brake_torque_rate: Real  # [N m/s]
     motor_current_rate: Real  # [A/s]
-    added_pitch_rate: Real  # by terms and of unknown origin [1/s]
+    added_pitch_rate: Real  # by terms [1/s]
+    term_rate_1: Real  # of the states of terms
+    term_rate_2: Real
+    term_rate_3: Real
 
 
 @compiled
@@ -63,20 +65,15 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     kinematic = kinematic + inputs.inflow_slope * (state.position - inputs.inflow_position)
     submergence = plant.depth + inputs.elevation
     demand = inputs.drive
+    states = (state.term_1, state.term_2, state.term_3)
     heard = Heard(
         omega, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
         submergence, inputs.time,
     )  # fmt: skip
-    more_thrust = more_drive_torque = more_load_torque = more_resistance = added_pitch_rate = 0.0
     if plant.term_count > 0:
-        more = added(plant, heard)
-        kinematic = kinematic + more.inflow_velocity
-        demand = demand + more.drive
-        more_thrust = more.thrust
-        more_drive_torque = more.drive_torque
-        more_load_torque = more.load_torque
-        more_resistance = more.resistance
-        added_pitch_rate = more.pitch_rate
+        before = added_before(plant, heard, states, inputs.outside)
+        kinematic = kinematic + before.inflow_velocity
+        demand = demand + before.drive
     inflow_rate = 0.0
     advance = kinematic
     if plant.inflow_lag.real > 0.0:
@@ -92,22 +89,20 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     load_behind = load_torque(plant, propeller_torque, omega)
     drag = resistance(plant, speed, inputs.resistance_factor)
     thrust = load.thrust
+    added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0
     if plant.term_count > 0:
-        thrust = thrust + more_thrust
-        drive = drive + more_drive_torque
-        load_behind = load_behind + more_load_torque
-        drag = drag + more_resistance
+        loaded = Loaded(
+            thrust, propeller_torque, mover.brake_torque, drag,
+            pitch_rate(plant, inputs.pitch_command, state.pitch_ratio),
+        )  # fmt: skip
+        more = added(plant, heard, loaded, states, inputs.outside)
+        thrust = thrust + more.thrust
+        drive = drive + more.drive_torque
+        load_behind = load_behind + more.load_torque
+        drag = drag + more.resistance
+        added_pitch_rate = more.pitch_rate
+        term_rate_1, term_rate_2, term_rate_3 = more.rate_1, more.rate_2, more.rate_3
     push = plant.propellers * (1.0 - plant.thrust_deduction) * thrust  # eq. 2-6
-    if plant.unexplained_balance != 0:
-        lacking = unexplained(plant, omega, state.ship_speed, blade, inputs.drive, inputs.time)
-        if plant.unexplained_balance == ENGINE:
-            drive = drive + lacking
-        elif plant.unexplained_balance == PROPELLER:
-            load_behind = load_behind - lacking
-        elif plant.unexplained_balance == HULL:
-            push = push + lacking
-        elif plant.unexplained_balance == PITCH_ACTUATOR:
-            added_pitch_rate = added_pitch_rate + lacking
     brake_torque = mover.brake_torque
     if plant.speed_held != 0:
         drive = holding_torque(plant, load_behind, inputs.drive_rate)
@@ -129,6 +124,9 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         mover.brake_torque_rate,
         mover.current_rate,
         added_pitch_rate,
+        term_rate_1,
+        term_rate_2,
+        term_rate_3,
     )
 
 
@@ -154,7 +152,7 @@ def evaluate(
     if plant.hull_fixed != 0:
         ship_acceleration = 0.0
     blade_rate = pitch_rate(plant, inputs.pitch_command, state.pitch_ratio)
-    if plant.unexplained_balance == PITCH_ACTUATOR or plant.term_count > 0:
+    if plant.term_count > 0:
         blade_rate = blade_rate + acting.added_pitch_rate
     air_rate = 0.0
     if can_ventilate(plant):
@@ -170,6 +168,9 @@ def evaluate(
             ventilation=air_rate,
             motor_current=acting.motor_current_rate,
             shaft_angle=acting.shaft_speed,
+            term_1=acting.term_rate_1,
+            term_2=acting.term_rate_2,
+            term_3=acting.term_rate_3,
         ),
         Outputs(
             pitch_ratio=blade,
@@ -197,10 +198,38 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
         inputs: what acts.
 
     Each lag is linear in its own state and no lag acts on another's, so one Newton step finds them; the
-    others take away what rounding leaves.
+    others take away what rounding leaves. The state of a term is sought with all else held, from the
+    value given on in the direction in which it moves; where its rate has no root there, it stays.
     """
     for _ in range(3):
         rate, _ = evaluate(plant, state, inputs, state.pitch_ratio, False)
         beside, _ = evaluate(plant, moved(state, LAGGING, 1.0), inputs, state.pitch_ratio, False)
         state = without_rates(state, rate, beside)
+        for k in range(plant.term_states):
+            state = moved(state, TERM_STATES[k], _to_rest(plant, state, inputs, TERM_STATES[k]))
     return state
+
+
+@compiled
+def _to_rest(plant: Record, state: State, inputs: Inputs, direction: State) -> float:
+    """How far a state is from where its rate vanishes, by doubled steps and halved intervals."""
+    rate, _ = evaluate(plant, state, inputs, state.pitch_ratio, False)
+    begins = along(rate, direction)
+    if begins == 0.0:
+        return 0.0
+    near, far = 0.0, 1e-6 if begins > 0.0 else -1e-6
+    for _ in range(80):
+        rate, _ = evaluate(plant, moved(state, direction, far), inputs, state.pitch_ratio, False)
+        if along(rate, direction) * begins <= 0.0:
+            break
+        near, far = far, 2.0 * far
+    else:
+        return 0.0
+    for _ in range(60):
+        middle = 0.5 * (near + far)
+        rate, _ = evaluate(plant, moved(state, direction, middle), inputs, state.pitch_ratio, False)
+        if along(rate, direction) * begins > 0.0:
+            near = middle
+        else:
+            far = middle
+    return 0.5 * (near + far)

@@ -93,8 +93,9 @@ def tangent(
         if name not in known:
             raise ValueError(f"unknown output {name!r}; known: {', '.join(sorted(known))}")
     here = State(*(complex(value) for value in state))
-    acting: Any = [complex(value) for value in inputs]  # all of one type, for the kernel
-    acts = Inputs(*acting)
+    # all of one type, for the kernel
+    acting: Any = [complex(value) for value in inputs[:-1]]
+    acts = Inputs(*acting)._replace(outside=tuple(complex(x) for x in inputs.outside))
     held = float(np.real(blade))
 
     def found(shifted: State, acted: Inputs) -> tuple[list[complex], list[complex]]:

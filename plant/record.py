@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,10 @@ from .propeller import Propeller
 from .shaft import Transmission
 from .surroundings import Integration, Water
 from .terms import RECORD_FIELDS, Term, add_term
-from .unexplained import Unexplained
 from .ventilation import Ventilation
 
 SECTIONS: tuple[type[Section], ...] = (
     Water, Hull, Propeller, Ventilation, *DRIVES, Transmission, PitchActuator, Sensors, Integration,
-    Unexplained,
 )  # fmt: skip
 """Every section whose numbers the kernels read."""
 
@@ -43,21 +41,27 @@ PLANT = _plant_dtype()
 """Structured dtype of a ship in the kernels; an array of it is a batch of ships."""
 
 
-def record_of(sections: Iterable[Section], prime_mover: int, terms: Iterable[Term] = ()) -> Any:
+def record_of(
+    sections: Iterable[Section],
+    prime_mover: int,
+    terms: Iterable[Term] = (),
+    signals: Sequence[str] = (),
+) -> Any:
     """The record of a ship: one element of dtype :data:`PLANT`.
 
     Args:
         sections: of the ship.
         prime_mover: code of its kind.
         terms: that it carries.
+        signals: from outside that they may hear, in their order.
 
     Raises:
-        TermError: more terms than a record holds.
+        TermError: more terms than a record holds, or one that hears another signal.
     """
     record = np.zeros(1, PLANT)[0]
     for section in sections:
         section.fill(record)
     record["prime_mover"] = prime_mover
     for term in terms:
-        add_term(record, term)
+        add_term(record, term, signals)
     return record

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,13 +17,16 @@ class RecordingError(ValueError):
     """A recording that cannot be used; the message names file, column, row and what is wrong."""
 
 
-def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
+def read_recording(
+    path: str | Path, required: list[str], signals: Mapping[str, str] = MappingProxyType({})
+) -> pd.DataFrame:
     """Read and check a recording.
 
     Args:
         path: CSV or Parquet file with a header of canonical columns (name and unit, such as
             ``fuel_rack_mm``).
         required: columns that must be there.
+        signals: units of columns that are understood besides, by name: those that a ship's terms hear.
 
     Returns:
         The table as floats; columns that are not canonical are kept untouched.
@@ -32,7 +37,7 @@ def read_recording(path: str | Path, required: list[str]) -> pd.DataFrame:
             header.
     """
     path = Path(path)
-    table = as_numbers(path, read_table(path), required)
+    table = as_numbers(path, read_table(path), required, signals)
     check_bounds(path, table)
     _check_time(path, table[TIME].to_numpy())
     return table
@@ -56,8 +61,19 @@ def read_table(path: Path) -> pd.DataFrame:
         raise RecordingError(f"{path}: cannot be read as {kind}: {error}") from None
 
 
-def as_numbers(path: Path, table: pd.DataFrame, required: list[str]) -> pd.DataFrame:
+def as_numbers(
+    path: Path,
+    table: pd.DataFrame,
+    required: list[str],
+    signals: Mapping[str, str] = MappingProxyType({}),
+) -> pd.DataFrame:
     """A copy whose understood columns are finite floats.
+
+    Args:
+        path: for messages.
+        table: as read.
+        required: columns that must be there.
+        signals: units of further columns that are understood, by name.
 
     Raises:
         RecordingError: a required column missing, fewer than two rows, or a value that is no
@@ -72,7 +88,8 @@ def as_numbers(path: Path, table: pd.DataFrame, required: list[str]) -> pd.DataF
     if len(table) < 2:
         raise RecordingError(f"{path}: {len(table)} row(s); at least 2 are needed")
     table = table.copy()
-    for column in (c for c in table.columns if c in BOUNDS):
+    units = {c: unit for c, (_, _, unit) in BOUNDS.items()} | dict(signals)
+    for column in (c for c in table.columns if c in units):
         numbers = pd.to_numeric(table[column], errors="coerce").astype(float)
         bad = ~np.isfinite(numbers.to_numpy())
         if bad.any():
@@ -80,7 +97,7 @@ def as_numbers(path: Path, table: pd.DataFrame, required: list[str]) -> pd.DataF
             given = table[column].iloc[row]
             raise RecordingError(
                 f"{path}: {column}, row {row + 1}: {repr(given) if isinstance(given, str) else given} "
-                f"is not a finite number ({bad.sum()} of {len(table)} rows; unit {BOUNDS[column][2]})"
+                f"is not a finite number ({bad.sum()} of {len(table)} rows; unit {units[column]})"
             )
         table[column] = numbers
     return table

@@ -29,6 +29,7 @@ from .signals import SAMPLE
 from .simulation import trajectory
 from .state import STATE, Inputs, State
 from .steady_state import equilibrium
+from .term_kernel import MAX_SIGNALS, outside_at
 from .waves import calm
 
 WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
@@ -67,7 +68,8 @@ class Replay:
     Raises:
         RecordingError: no state to start from, or a measured inflow at a hull that moves without a ship
             speed beside it.
-        ShipError: a delay or motor that does not fit the time step.
+        ShipError: a delay or motor that does not fit the time step, or a term hears a signal of which
+            the recording has no column.
     """
 
     def __init__(
@@ -106,7 +108,19 @@ class Replay:
         over = max(1, min(round(start_over_s / self.interval_s), self.rows // 20))
         self.start = self._first_state(over)
         self.start_angle = self._turning(max(over, 3))[0] if SHAFT_ANGLE in table else 0.0
+        self.signals = self._signals()
         self._samples = np.zeros(len(self.drive) + 1, SAMPLE)
+
+    def _signals(self) -> NDArray[np.float64]:
+        """What is heard from outside at the steps' starts and middles and the last one's end."""
+        self.ship.refuse_unheard(self.table)
+        if not self.ship.signals:
+            return np.zeros((1, MAX_SIGNALS))
+        found = np.zeros((len(self.elevation), MAX_SIGNALS))
+        for k, name in enumerate(sorted(self.ship.signals)):
+            if name in self.table:
+                found[:, k] = self._continuous(self._column(name))
+        return found
 
     def _column(self, name: str) -> NDArray[np.float64]:
         return np.asarray(self.table[name], dtype=np.float64)
@@ -136,7 +150,10 @@ class Replay:
             first["pitch_ratio"] = self.ship.propeller.pitch_ratio_max
         if len(first) < len(_START):
             try:
-                state = equilibrium(self.ship, float(self.drive[0]), float(self.pitch[0])).state
+                heard = {n: float(self._column(n)[0]) for n in self.ship.hears}
+                state = equilibrium(
+                    self.ship, float(self.drive[0]), float(self.pitch[0]), signals=heard
+                ).state
             except ValueError as error:
                 lacking = [column for column in _START if column not in first]
                 raise RecordingError(
@@ -181,7 +198,7 @@ class Replay:
         """What acts at the first row, under an :meth:`inflow`."""
         return Inputs(
             float(self.drive[0]), float(self.pitch[0]), float(inflow[0]),
-            elevation=float(self.elevation[0]),
+            elevation=float(self.elevation[0]), outside=outside_at(self.signals, 0),
         )  # fmt: skip
 
     def simulate(
@@ -200,7 +217,7 @@ class Replay:
         trajectory(
             plant, state[0], np.zeros(1, MEMORY)[0], calm() if sea is None else sea.copy(),
             self.drive, self.pitch, inflow, self.elevation,
-            self.resistance_factor, self.dt, self._samples,
+            self.resistance_factor, self.signals, self.dt, self._samples,
         )  # fmt: skip
         return self._samples[:: self.per_row].copy()
 
@@ -223,7 +240,7 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
         ShipError: likewise.
     """
     samples = Replay(ship, recording).simulate(ship.record(), sea=sea)
-    given = [*input_columns(ship), *WATER]
+    given = [*input_columns(ship), *WATER, *sorted(ship.signals)]
     columns: dict[str, Any] = {c: recording[c] for c in given if c in recording}
     columns |= {
         c: samples[MEASURED[c]]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Container, Mapping
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from .actuators import PitchActuator
 from .drives import Diesel, Drive
+from .expressions import FUNCTIONS
 from .hull import Hull
 from .keys import (
     LACKING,
@@ -28,10 +30,9 @@ from .record import record_of
 from .shaft import UNLESS_HELD, Transmission
 from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
-from .term_kernel import MAX_TERMS
-from .terms import Term
+from .term_kernel import MAX_SIGNALS, MAX_TERMS, NO_SIGNALS
+from .terms import TERM_SIGNALS, Name, Term
 from .tolerances import Tolerances
-from .unexplained import Unexplained
 from .ventilation import Ventilation
 
 
@@ -53,8 +54,16 @@ class Ship(Section):
     sensors: Sensors = Sensors()
     integration: Integration = Integration()
     tolerances: Tolerances = Tolerances()
-    unexplained: Unexplained | None = None
+    signals: dict[Name, str] = Field(
+        default={}, max_length=MAX_SIGNALS,
+        description="signals from outside that terms hear, each with its unit",
+    )  # fmt: skip
     term: Annotated[tuple[Term, ...], Field(strict=False, max_length=MAX_TERMS)] = ()
+
+    def __hash__(self) -> int:
+        """Of what stands in it: ships are remembered by that."""
+        own = {name: getattr(self, name) for name in type(self).model_fields}
+        return hash((*(own | {"signals": None}).values(), *sorted(self.signals.items())))
 
     @model_validator(mode="after")
     def _consistent(self) -> Ship:
@@ -69,6 +78,16 @@ class Ship(Section):
         ids = [term.id for term in self.term]
         if twice := [name for name in ids if ids.count(name) > 1]:
             raise ValueError(f"term {twice[0]!r} stands twice")
+        for name in self.signals:
+            if name in TERM_SIGNALS or name in FUNCTIONS:
+                raise ValueError(f"signals.{name}: a name of its own is needed")
+        for term in self.term:
+            if unknown := [name for name in term.hears if name not in self.signals]:
+                known = [*TERM_SIGNALS, *term.parameters, *self.signals]
+                raise ValueError(
+                    f"term {term.id!r}: {unknown[0]!r} is unknown; known: {', '.join(known)}; a "
+                    "signal from outside the ship is named, with its unit, under [signals]"
+                )
         for key in self.tolerances.numbers:
             self.number(key)
         if self.has_propeller:
@@ -84,15 +103,6 @@ class Ship(Section):
                     f"term {term.id!r} acts on nothing: acts_on = {term.acts_on!r} on a shaft whose "
                     "speed is held"
                 )
-        lacking = self.unexplained.balance if self.unexplained else ""
-        if lacking == "hull" and not self.moves:
-            raise ValueError("unexplained.balance = 'hull' asks for a hull that is not fixed")
-        if lacking == "engine" and not self.turns_freely:
-            raise ValueError(
-                "unexplained.balance = 'engine' asks for a shaft whose speed is not held"
-            )
-        if lacking == "pitch-actuator" and not self.has_variable_pitch:
-            raise ValueError("unexplained.balance = 'pitch-actuator' asks for a variable pitch")
         what, constant = self.prime_mover.time_constant
         if step > constant:
             raise ValueError(
@@ -267,12 +277,59 @@ class Ship(Section):
             ShipError: it carries one of that name already, or as many as it can.
         """
         tree = self.model_dump(exclude_unset=True)
-        own = tree.get("term", ())
-        return validated(type(self), tree | {"term": [*own, term.model_dump()]}, self.name)
+        more = {"term": [*tree.get("term", ()), term.model_dump(exclude_unset=True)]}
+        return validated(type(self), tree | more, self.name)
+
+    def with_signals(self, units: Mapping[str, str]) -> Ship:
+        """A copy whose terms may hear some signals from outside.
+
+        Args:
+            units: of each, by its name.
+
+        Raises:
+            ShipError: a name that has a meaning already, or more than a ship can hear.
+        """
+        tree = self.model_dump(exclude_unset=True)
+        return validated(type(self), tree | {"signals": dict(units)}, self.name)
+
+    @property
+    def hears(self) -> tuple[str, ...]:
+        """Signals from outside that its terms use."""
+        return tuple(sorted({name for term in self.term for name in term.hears}))
+
+    def outside(self, given: Mapping[str, float]) -> tuple[float, ...]:
+        """Signals from outside at one instant, as the kernels take them.
+
+        Args:
+            given: by name.
+
+        Raises:
+            ShipError: a term hears one that is not given.
+        """
+        self.refuse_unheard(given)
+        found = [float(given.get(name, 0.0)) for name in sorted(self.signals)]
+        return (*found, *NO_SIGNALS[len(found) :])
+
+    def refuse_unheard(self, given: Container[str]) -> None:
+        """Refuse a term that hears what there is not.
+
+        Args:
+            given: names of the signals from outside that there are.
+
+        Raises:
+            ShipError: names term and signal.
+        """
+        for term in self.term:
+            for name in term.hears:
+                if name not in given:
+                    raise ShipError(
+                        f"{self.name}: term {term.id!r} hears {name} [{self.signals[name]}], which "
+                        "this simulation does not have; a recording with a column of that name does"
+                    )
 
 
 @functools.lru_cache(maxsize=256)
 def _record(ship: Ship) -> Any:
     sections = [getattr(ship, name) for name in type(ship).model_fields]
     own = [section for section in sections if isinstance(section, Section)]
-    return record_of(own, ship.prime_mover.code, ship.term)
+    return record_of(own, ship.prime_mover.code, ship.term, sorted(ship.signals))

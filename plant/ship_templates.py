@@ -25,7 +25,7 @@ from .ship_files import load_ship
 from .tolerances import Tolerances, spoken_of
 
 _WIDTH = 48  # column at which comments begin, where the value leaves room
-_SECTIONS_LEFT_OUT = ("name", "description", "unexplained", "term")
+_SECTIONS_LEFT_OUT = ("name", "description", "signals", "term")
 
 _HEAD = """\
 # {description}

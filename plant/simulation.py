@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from .ship import Ship
 from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
 from .stepping import Disturbance, observe, prepare, step
+from .term_kernel import MAX_SIGNALS, outside_at
 from .waves import calm
 
 
@@ -64,6 +66,7 @@ def trajectory(
     inflow: NDArray[np.float64],
     elevation: NDArray[np.float64],
     resistance_factor: NDArray[np.float64],
+    signals: NDArray[np.float64],
     dt: float,
     samples: Any,
 ) -> None:
@@ -79,10 +82,12 @@ def trajectory(
         inflow: u_x [m/s] at the steps' starts and middles and the last one's end, shape (2 n + 1,).
         elevation: of the surface above the propeller [m], likewise.
         resistance_factor: d_c1 [-], likewise.
+        signals: from outside that terms hear, likewise, shape (2 n + 1, MAX_SIGNALS); or one row that
+            holds throughout.
         dt: [s].
         samples: SAMPLE array of shape (n + 1,), filled.
     """
-    begin = Disturbance(inflow[0], elevation[0], resistance_factor[0])
+    begin = Disturbance(inflow[0], elevation[0], resistance_factor[0], outside_at(signals, 0))
     prepare(plant, state, memory, sea, drive[0], begin, dt)
     steps = len(drive)
     for k in range(steps):
@@ -96,14 +101,16 @@ def trajectory(
             sea,
             drive[k],
             pitch_command[k],
-            Disturbance(inflow[a], elevation[a], resistance_factor[a]),
-            Disturbance(inflow[b], elevation[b], resistance_factor[b]),
-            Disturbance(inflow[c], elevation[c], resistance_factor[c]),
+            Disturbance(inflow[a], elevation[a], resistance_factor[a], outside_at(signals, a)),
+            Disturbance(inflow[b], elevation[b], resistance_factor[b], outside_at(signals, b)),
+            Disturbance(inflow[c], elevation[c], resistance_factor[c], outside_at(signals, c)),
             dt,
         )
         _write(samples[k], k * dt, drive[k], pitch_command[k], now, memory, log, outputs)
     last = steps - 1
-    finish = Disturbance(inflow[-1], elevation[-1], resistance_factor[-1])
+    finish = Disturbance(
+        inflow[-1], elevation[-1], resistance_factor[-1], outside_at(signals, 2 * steps)
+    )
     outputs = observe(plant, state, memory, sea, pitch_command[last], finish, dt)
     _write(
         samples[steps],
@@ -129,6 +136,7 @@ class Schedule:
         inflow: disturbance u_x of the advance velocity, the sea's apart [m/s].
         resistance_factor: d_c1 [-].
         elevation: of the surface above the propeller, the sea's apart [m].
+        signals: from outside, by name, that the ship's terms hear [as its file says].
     """
 
     drive: Any
@@ -136,6 +144,7 @@ class Schedule:
     inflow: Any = 0.0
     resistance_factor: Any = 1.0
     elevation: Any = 0.0
+    signals: Mapping[str, Any] = field(default_factory=dict)
 
 
 def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
@@ -144,6 +153,18 @@ def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.fl
         raise ValueError(f"{name} holds a value that is not finite")
     # a copy of one's own: the kernel would be compiled anew for arrays that may not be written to
     return np.array(np.broadcast_to(array, times.shape), order="C")
+
+
+def _heard(ship: Ship, schedule: Schedule, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signals from outside at some times, or one row where the ship hears none."""
+    ship.refuse_unheard(schedule.signals)
+    if not ship.hears:
+        return np.zeros((1, MAX_SIGNALS))
+    found = np.zeros((len(times), MAX_SIGNALS))
+    for k, name in enumerate(sorted(ship.signals)):
+        if name in schedule.signals:
+            found[:, k] = _sampled(schedule.signals[name], times, name)
+    return found
 
 
 def simulate(
@@ -171,7 +192,8 @@ def simulate(
         with that step's commands acting, and one at the end.
 
     Raises:
-        ShipError: the ship's delays or its motor do not fit the time step.
+        ShipError: the ship's delays or its motor do not fit the time step, or a term hears a signal
+            that the schedule does not have.
         ValueError: an input is not finite.
     """
     if dt is not None and dt != ship.time_step_s:
@@ -193,6 +215,7 @@ def simulate(
         _sampled(schedule.inflow, half_grid, "inflow"),
         _sampled(schedule.elevation, half_grid, "elevation"),
         _sampled(schedule.resistance_factor, half_grid, "resistance_factor"),
+        _heard(ship, schedule, half_grid),
         dt,
         samples,
     )

@@ -12,6 +12,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled, spelled_out
+from .term_kernel import NO_SIGNALS
 from .ventilation import can_ventilate
 
 
@@ -43,6 +44,10 @@ class State(NamedTuple):
     motor_current: Annotated[Real, Lag("armature_inductance")] = 0.0  # where it has dynamics [A]
     # nothing depends on the angle but a recording that has it in place of the speed
     shaft_angle: Annotated[Real, Where(lambda plant: False)] = 0.0  # turned by the shaft [rad]
+    # of terms that have one, in their order
+    term_1: Annotated[Real, Where(lambda plant: plant["term_states"] > 0)] = 0.0
+    term_2: Annotated[Real, Where(lambda plant: plant["term_states"] > 1)] = 0.0
+    term_3: Annotated[Real, Where(lambda plant: plant["term_states"] > 2)] = 0.0
 
 
 def _declared() -> dict[str, Where | Lag]:
@@ -128,6 +133,25 @@ def set_state(record, state):
 """Write a state into a STATE record."""
 
 
+along: Callable[[State, State], Real] = spelled_out(
+    """
+def along(rate, direction):
+    return (
+        + rate.{field} * direction.{field}
+    )
+""",
+    State._fields,
+    globals(),
+)
+"""How fast a state moves along a direction: the sum of their products."""
+
+TERM_STATES = tuple(
+    State(*(1.0 if name == own else 0.0 for name in State._fields))
+    for own in State._fields
+    if own.startswith("term_")
+)
+"""Directions of the states of terms, one by one."""
+
 LAGGING = State(*(1.0 if name in LAGS else 0.0 for name in State._fields))
 """1 for each state that lags, 0 for the others."""
 
@@ -164,6 +188,7 @@ class Inputs(NamedTuple):
     resistance_factor: Real = 1.0  # d_c1 [-]
     time: Real = 0.0  # since the start [s]
     drive_rate: Real = 0.0  # of a speed that is held [rad/s2]
+    outside: tuple[Real, ...] = NO_SIGNALS  # signals from outside that terms hear
 
 
 class Outputs(NamedTuple):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +13,6 @@ from scipy.optimize import root
 from .dynamics import evaluate, settled
 from .ship import Ship
 from .state import Inputs, Outputs, State
-from .unexplained import PITCH_ACTUATOR
 
 
 class Equilibrium(NamedTuple):
@@ -29,6 +30,7 @@ def equilibrium(
     *,
     inflow: float = 0.0,
     resistance_factor: float = 1.0,
+    signals: Mapping[str, float] = MappingProxyType({}),
 ) -> Equilibrium:
     """Steady state at given commands.
 
@@ -38,22 +40,25 @@ def equilibrium(
         pitch_ratio: commanded P/D [-].
         inflow: steady advance-velocity disturbance u_x [m/s].
         resistance_factor: d_c1 [-].
+        signals: from outside, by name, that the ship's terms hear.
 
     Raises:
+        ShipError: a term hears a signal that is not given.
         ValueError: no steady state with a forward-turning shaft exists, for example because the
             engine's torque does not overcome its friction.
     """
     plant = ship.record()
     inputs = Inputs(
-        float(drive), float(pitch_ratio), float(inflow), resistance_factor=float(resistance_factor)
-    )
+        float(drive), float(pitch_ratio), float(inflow),
+        resistance_factor=float(resistance_factor), outside=ship.outside(signals),
+    )  # fmt: skip
     moving = ship.moves
     blade = float(np.clip(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]))
     blade += float(plant["pitch_actuator_offset"])
 
     def complete(shaft_speed: float, ship_speed: float) -> State:
         state = settled(plant, State(blade, shaft_speed, ship_speed), inputs)
-        if plant["term_count"] > 0 or plant["unexplained_balance"] == PITCH_ACTUATOR:
+        if plant["term_count"] > 0:
             # what acts on the actuator keeps the blades away from the command
             rate, _ = evaluate(plant, state, inputs, blade, False)
             away = float(plant["pitch_time_constant"]) * rate.pitch_ratio

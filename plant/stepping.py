@@ -9,6 +9,7 @@ from .dynamics import evaluate
 from .hull import episode_factor
 from .memory import begin_step, end_step, read_instruments, settle
 from .state import Inputs, Outputs, State, get_state, moved, set_state
+from .term_kernel import NO_SIGNALS
 from .waves import SYNC_STEPS, WaveMotion, motion, synchronise, turn
 
 
@@ -18,6 +19,7 @@ class Disturbance(NamedTuple):
     inflow: float  # u_x [m/s]
     elevation: float  # of the surface above the propeller [m]
     resistance_factor: float  # d_c1 [-]
+    outside: tuple[float, ...] = NO_SIGNALS  # that terms hear
 
 
 UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
@@ -43,6 +45,7 @@ def _inputs(
         disturbance.resistance_factor * episode,
         time,
         drive_rate,
+        disturbance.outside,
     )
 
 

@@ -6,47 +6,41 @@
     expression = "-c_ahead * step(shaft_speed) + c_astern * step(-shaft_speed)"
     parameters = { c_ahead = 1200.0, c_astern = 900.0 }
 
-An expression is numbers, the term's parameters and :data:`TERM_SIGNALS`, joined by ``+ - * / **``
-and the functions of :data:`FUNCTIONS`. It is parsed, never run: what the kernels see is a list of
-operations on a stack, carried in the ship's record. Complex numbers pass, so linear models know the
-terms too.
+    [[term]]
+    id = "induced-flow"
+    acts_on = "load_torque"
+    expression = "-k * abs(shaft_speed) * u"
+    also = { thrust = "-c * abs(shaft_speed) * u" }   # the same physics at another place
+    state = "u"                                       # with a memory of its own
+    rate = "(g * shaft_speed - u) / tau"
+    parameters = { k = 0.01, c = 0.2, g = 0.05, tau = 0.4 }
+
+An expression is numbers, the term's parameters, its state, :data:`TERM_SIGNALS` and the signals from
+outside that the ship's ``[signals]`` name, joined by ``+ - * / **`` and the functions of
+:data:`FUNCTIONS`. It is parsed, never run: what the kernels see is a list of operations on a stack,
+carried in the ship's record. Complex numbers pass, so linear models know the terms too.
 """
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from .expressions import FUNCTIONS, Program, TermError, names_in, parsed
 from .keys import Section
 from .term_kernel import (
-    ABS,
-    ADD,
-    ARCTAN,
-    CONSTANT,
-    COS,
-    DIVIDE,
-    EXP,
-    LOG,
-    MAX,
+    BEFORE,
+    FIRST_SIGNAL,
+    FIRST_STATE,
     MAX_CONSTANTS,
-    MAX_DEPTH,
     MAX_OPERATIONS,
+    MAX_PROGRAMS,
+    MAX_STATES,
     MAX_TERMS,
-    MIN,
-    MULTIPLY,
-    NEGATE,
-    POWER,
-    SIGN,
-    SIGNAL,
-    SIN,
-    SQRT,
-    STEP,
-    SUBTRACT,
-    TANH,
+    Heard,
 )
 
 PLACES = {
@@ -66,106 +60,26 @@ TERM_SIGNALS = {
     "pitch_ratio": "P/D of the blades [-]",
     "pitch_command": "P/D commanded [-]",
     "drive": "fuel rack [mm], voltage [V] or torque [N m]",
-    "advance_velocity": "v_a before terms act on it [m/s]",
+    "advance_velocity": "v_a before it lags and terms act on it [m/s]",
     "submergence": "of the propeller's centre [m]",
     "time": "since the start [s]",
+    "thrust": "of one propeller, by its curves [N]",
+    "propeller_torque": "M_p, by its curves [N m]",
+    "brake_torque": "M_b, by the prime mover's own equations [N m]",
+    "resistance": "R, by the hull's own equation [N]",
+    "pitch_rate": "of the actuator, by its own equation [1/s]",
 }
-"""What an expression may use."""
+"""What an expression may use; the last five are not yet known where drive or
+inflow_velocity are formed."""
 
-FUNCTIONS = {
-    "abs": (ABS, 1), "sign": (SIGN, 1), "step": (STEP, 1), "sqrt": (SQRT, 1), "exp": (EXP, 1),
-    "log": (LOG, 1), "tanh": (TANH, 1), "sin": (SIN, 1), "cos": (COS, 1), "atan": (ARCTAN, 1),
-    "min": (MIN, 2), "max": (MAX, 2),
-}  # fmt: skip
-"""Code and number of arguments; ``step`` is 1 above 0 and 0 elsewhere, ``sign`` 0 at 0."""
-
-_BINARY = {ast.Add: ADD, ast.Sub: SUBTRACT, ast.Mult: MULTIPLY, ast.Div: DIVIDE, ast.Pow: POWER}
+_EARLY = len(Heard._fields)
 
 
-class Program(NamedTuple):
-    """An expression as the kernels take it."""
+class Programs(NamedTuple):
+    """All of a term's expressions as the kernels take them."""
 
-    operations: tuple[tuple[int, int], ...]  # code, and index of a constant or signal
-    constants: tuple[float, ...]  # the parameters first, in their order, then the numbers
-
-
-class TermError(ValueError):
-    """An expression that cannot be used; the message says where and why."""
-
-
-def parsed(expression: str, parameters: Mapping[str, float]) -> Program:
-    """A term's program.
-
-    Args:
-        expression: see the module.
-        parameters: values by name.
-
-    Raises:
-        TermError: no expression, a name or function that is unknown, or one that is too long or too
-            deep.
-    """
-    try:
-        tree = ast.parse(expression.strip(), mode="eval").body
-    except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        raise TermError(f"{expression!r}: no expression ({type(error).__name__})") from None
-    operations: list[tuple[int, int]] = []
-    constants = [float(value) for value in parameters.values()]
-    names = {name: (CONSTANT, i) for i, name in enumerate(parameters)}
-    names |= {name: (SIGNAL, i) for i, name in enumerate(TERM_SIGNALS) if name not in names}
-    deepest = _walk(tree, names, operations, constants, expression)
-    for what, found, most in (
-        ("operations", len(operations), MAX_OPERATIONS),
-        ("numbers", len(constants), MAX_CONSTANTS),
-        ("steps of depth", deepest, MAX_DEPTH),
-    ):
-        if found > most:
-            raise TermError(f"{expression!r}: {found} {what}; at most {most} are allowed")
-    return Program(tuple(operations), tuple(constants))
-
-
-def _walk(
-    node: ast.AST,
-    names: Mapping[str, tuple[int, int]],
-    operations: list[tuple[int, int]],
-    constants: list[float],
-    source: str,
-) -> int:
-    """Append a node's operations; gives the depth of stack that it needs."""
-    # a truth value is a whole number to Python, but nobody means one
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        assert isinstance(node.value, int | float)  # for the type checker
-        operations.append((CONSTANT, len(constants)))
-        constants.append(float(node.value))
-        return 1
-    if isinstance(node, ast.Name):
-        if node.id not in names:
-            raise TermError(f"{source!r}: {node.id!r} is unknown; known: {', '.join(names)}")
-        operations.append(names[node.id])
-        return 1
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
-        depth = _walk(node.operand, names, operations, constants, source)
-        if isinstance(node.op, ast.USub):
-            operations.append((NEGATE, 0))
-        return depth
-    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
-        left = _walk(node.left, names, operations, constants, source)
-        right = _walk(node.right, names, operations, constants, source)
-        operations.append((_BINARY[type(node.op)], 0))
-        return max(left, right + 1)
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        code, count = FUNCTIONS.get(node.func.id, (-1, 0))
-        if code < 0:
-            raise TermError(
-                f"{source!r}: function {node.func.id!r} is unknown; known: {', '.join(FUNCTIONS)}"
-            )
-        if len(node.args) != count:
-            raise TermError(f"{source!r}: {node.func.id} takes {count}, not {len(node.args)}")
-        depths = [
-            _walk(a, names, operations, constants, source) + i for i, a in enumerate(node.args)
-        ]
-        operations.append((code, 0))
-        return max(depths)
-    raise TermError(f"{source!r}: {ast.unparse(node)!r} cannot stand in an expression")
+    by_place: tuple[tuple[int, Program], ...]  # among :data:`PLACES`; the rate of a state last
+    literals: tuple[float, ...]  # numbers that stand in them, behind the term's parameters
 
 
 class TermParameter(BaseModel):
@@ -190,61 +104,132 @@ class TermParameter(BaseModel):
         return self
 
 
+Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
+Place: TypeAlias = Literal[
+    "drive", "inflow_velocity", "thrust", "drive_torque", "load_torque", "resistance", "pitch_rate"
+]
+Expression: TypeAlias = Annotated[str, Field(max_length=1000)]
+
+
 class Term(Section):
     """One term; see the module."""
 
     id: Annotated[str, Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=60)]
-    acts_on: Literal[
-        "drive", "inflow_velocity", "thrust", "drive_torque", "load_torque", "resistance",
-        "pitch_rate",
-    ]  # fmt: skip
-    expression: Annotated[str, Field(max_length=1000)]
-    parameters: dict[str, TermParameter] = Field(default_factory=dict, strict=False)
+    acts_on: Place = Field(description="what the expression adds to")
+    expression: Expression = Field(description="in signals and parameters")
+    also: dict[Place, Expression] = Field(
+        default={}, description="expressions that add to more, by what they add to"
+    )
+    state: Name | None = Field(default=None, description="name of a state of its own")
+    rate: Expression | None = Field(default=None, description="of the state [per s]")
+    parameters: dict[Name, TermParameter] = Field(default_factory=dict, strict=False)
 
     @model_validator(mode="after")
     def _usable(self) -> Term:
-        for name in self.parameters:
-            if not name.isidentifier() or name in TERM_SIGNALS or name in FUNCTIONS:
-                raise ValueError(f"parameter {name!r}: a name of its own is needed")
-        _ = self.program  # raises what is wrong with it
+        own = [*self.parameters, *([self.state] if self.state else [])]
+        for name in own:
+            if name in TERM_SIGNALS or name in FUNCTIONS or own.count(name) > 1:
+                raise ValueError(f"{name!r}: a name of its own is needed")
+        if (self.state is None) != (self.rate is None):
+            raise ValueError("state and rate go together: the state's name and how fast it changes")
+        if self.acts_on in self.also:
+            raise ValueError(f"also: {self.acts_on} is acted on by expression already")
+        self.programs(self.hears)  # raises what is wrong with it
         return self
 
     def __hash__(self) -> int:
         """Of its content, for ships are kept by theirs."""
-        return hash((self.id, self.acts_on, self.expression, tuple(self.parameters.items())))
+        return hash((self.id, *self.expressions, self.state, tuple(self.parameters.items())))
 
     @property
-    def program(self) -> Program:
-        """The expression as the kernels take it."""
-        return parsed(self.expression, {name: p.value for name, p in self.parameters.items()})
+    def expressions(self) -> tuple[tuple[str, str], ...]:
+        """What it acts on with each of its expressions; ``rate`` is that of its state."""
+        found = [(str(self.acts_on), self.expression), *self.also.items()]
+        return tuple([*found, ("rate", self.rate)] if self.rate is not None else found)
+
+    @property
+    def hears(self) -> tuple[str, ...]:
+        """Signals from outside the ship that it uses, in the order in which they are named."""
+        own = {*self.parameters, *TERM_SIGNALS, *FUNCTIONS, self.state}
+        found: dict[str, None] = {}
+        for _, expression in self.expressions:
+            for name in names_in(expression):
+                if name not in own:
+                    found[name] = None
+        return tuple(found)
+
+    def programs(self, signals: Sequence[str], state: int = 0) -> Programs:
+        """Its expressions as the kernels take them.
+
+        Args:
+            signals: from outside that the ship hears, in their order.
+            state: place of its own state among those of the ship's terms.
+
+        Raises:
+            TermError: what is wrong with one of them.
+        """
+        literals: list[float] = []
+        found = []
+        for where, expression in self.expressions:
+            place = len(PLACES) + state if where == "rate" else list(PLACES).index(where)
+            known = list(TERM_SIGNALS)[: _EARLY if place < BEFORE else None]
+            names = {name: i for i, name in enumerate(known)}
+            if self.state is not None:
+                names[self.state] = FIRST_STATE + state
+            names |= {name: FIRST_SIGNAL + i for i, name in enumerate(signals)}
+            for name in names_in(expression):
+                if name in TERM_SIGNALS and name not in names:
+                    raise TermError(
+                        f"{expression!r}: {name} is not yet known where {where} is formed"
+                    )
+            found.append((place, parsed(expression, list(self.parameters), names, literals)))
+        return Programs(tuple(found), tuple(literals))
 
 
 RECORD_FIELDS = (
     ("term_count", np.int64),
-    ("term_place", np.int64, (MAX_TERMS,)),
-    ("term_length", np.int64, (MAX_TERMS,)),
-    ("term_code", np.int64, (MAX_TERMS, MAX_OPERATIONS)),
-    ("term_index", np.int64, (MAX_TERMS, MAX_OPERATIONS)),
+    ("term_programs", np.int64),
+    ("term_states", np.int64),
+    ("term_place", np.int64, (MAX_PROGRAMS,)),
+    ("term_owner", np.int64, (MAX_PROGRAMS,)),
+    ("term_length", np.int64, (MAX_PROGRAMS,)),
+    ("term_code", np.int64, (MAX_PROGRAMS, MAX_OPERATIONS)),
+    ("term_index", np.int64, (MAX_PROGRAMS, MAX_OPERATIONS)),
     ("term_constants", np.float64, (MAX_TERMS, MAX_CONSTANTS)),
 )
 """What a ship's record holds of its terms."""
 
 
-def add_term(record: Any, term: Term) -> int:
+def add_term(record: Any, term: Term, signals: Sequence[str] = ()) -> int:
     """Put a term into a ship's record, in the next free place; gives the place's number.
 
+    Args:
+        record: of the ship.
+        term: the term.
+        signals: from outside that the ship hears, in their order.
+
     Raises:
-        TermError: the record is full.
+        TermError: the record is full, or the term uses a signal that the ship does not hear.
     """
-    slot = int(record["term_count"])
+    slot, first, state = (
+        int(record[name]) for name in ("term_count", "term_programs", "term_states")
+    )
     if slot >= MAX_TERMS:
         raise TermError(f"{term.id}: a ship carries at most {MAX_TERMS} terms")
-    program = term.program
-    record["term_count"] = slot + 1
-    record["term_place"][slot] = list(PLACES).index(term.acts_on)
-    record["term_length"][slot] = len(program.operations)
-    codes, indices = zip(*program.operations, strict=True)
-    record["term_code"][slot, : len(codes)] = codes
-    record["term_index"][slot, : len(indices)] = indices
-    record["term_constants"][slot, : len(program.constants)] = program.constants
+    if term.state is not None and state >= MAX_STATES:
+        raise TermError(f"{term.id}: a ship's terms have at most {MAX_STATES} states")
+    programs = term.programs(signals, state)
+    end = first + len(programs.by_place)
+    if end > MAX_PROGRAMS:
+        raise TermError(f"{term.id}: a ship's terms have at most {MAX_PROGRAMS} expressions")
+    record["term_count"], record["term_programs"] = slot + 1, end
+    record["term_states"] = state + (term.state is not None)
+    for row, (place, program) in enumerate(programs.by_place, first):
+        record["term_place"][row], record["term_owner"][row] = place, slot
+        record["term_length"][row] = len(program)
+        codes, indices = zip(*program, strict=True)
+        record["term_code"][row, : len(codes)] = codes
+        record["term_index"][row, : len(indices)] = indices
+    numbers = [*(p.value for p in term.parameters.values()), *programs.literals]
+    record["term_constants"][slot, : len(numbers)] = numbers
     return slot

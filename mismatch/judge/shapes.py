@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from ...plant.ship import Ship
+from ...plant.terms import Term
 from ..search.fitting import Fit, Fitter
 from ..search.spectra import Likelihood
 from ..simulate.balances import Balances
@@ -56,6 +58,42 @@ class Shape:
     def excess(self) -> float:
         """Gain beyond what chance reaches."""
         return self.gain - self.threshold
+
+
+_ADDED_TO = {
+    "engine": ("drive_torque", 1.0),
+    "motor": ("drive_torque", 1.0),
+    "propeller": ("load_torque", -1.0),
+    "load": ("load_torque", -1.0),
+    "hull": ("resistance", -1.0),
+    "thrust": ("thrust", 1.0),
+    "pitch-actuator": ("pitch_rate", 1.0),
+}
+"""Where what a balance lacks is added, and with which sign; a current is what comes of the rest."""
+
+
+def term_of(shape: Shape, ship: Ship) -> Term | None:
+    """A shape as a term of a ship; None where it acts on nothing that a ship has.
+
+    Args:
+        shape: the shape.
+        ship: the nominal ship.
+    """
+    if shape.balance not in _ADDED_TO:
+        return None
+    place, factor = _ADDED_TO[shape.balance]
+    if place == "pitch_rate":
+        factor /= ship.pitch_actuator.time_constant_s
+    points = ", ".join(
+        f"{x:.6g}, {factor * y:.6g}" for x, y in zip(shape.knots, shape.values, strict=True)
+    )
+    return Term.model_validate(
+        {
+            "id": f"unnamed-{shape.balance}",
+            "acts_on": place,
+            "expression": f"table({shape.signal}, {points})",
+        }
+    )
 
 
 def chance(knots: int, tried: int) -> float:

@@ -13,6 +13,13 @@ by which radius the one becomes the other::
 
     "Force" = { column = "motor_torque_N_m", unit = "N", radius_m = 1.0 }
     "Carriage" = { column = "shaft_angle_rad", unit = "mm", radius_m = 1.0 }
+
+Whatever else the recording holds can be named as a signal, which terms of a ship may hear
+(:mod:`shaftline.plant.terms`). With a unit it is carried over to SI; without, it is taken as it is::
+
+    [signals]
+    "Beta" = { signal = "drift_angle", unit = "deg", sign = -1 }
+    "Fouling days" = "days_since_docking"
 """
 
 from __future__ import annotations
@@ -24,10 +31,20 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from ...plant.columns import BOUNDS, COLUMNS, TIME
+from ...plant.expressions import FUNCTIONS
 from ...plant.recording import RecordingError
+from ...plant.terms import TERM_SIGNALS, Name
 
 DATE_TIME = "datetime"
 """Unit of a time column that holds dates with times of day, such as ISO 8601."""
@@ -105,12 +122,7 @@ class Source(BaseModel):
         assert self.unit is not None
         units = _units()
         wanted = units.Unit({"-": "dimensionless"}.get(unit, unit.replace(" ", "*")))
-        try:
-            given = units.parse_units(self.unit)
-        except Exception as error:  # pint raises many kinds for text that is no unit
-            raise ValueError(
-                f"unit {self.unit!r} is not understood ({error}); examples: rpm, kN m, knot, deg"
-            ) from None
+        given = _unit(self.unit)
         if not given.is_compatible_with(wanted):
             raise ValueError(f"unit {self.unit!r} cannot be turned into {unit} of {self.column}")
         angle = any(word in str(given) for word in _TURNING)
@@ -125,23 +137,82 @@ class Source(BaseModel):
         return pd.Series(units.Quantity(numbers.to_numpy(), given).m_as(wanted), numbers.index)
 
 
-class ColumnMap(BaseModel):
-    """A whole map: canonical sources by foreign name."""
+class Heard(BaseModel):
+    """Where one signal for terms comes from, and how its values are carried over."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    columns: dict[str, Source] = Field(min_length=1)
+    signal: Name = Field(description="name in expressions")
+    unit: str | None = Field(default=None, description="unit in the recording; carried over to SI")
+    sign: Literal[1, -1] = Field(default=1, description="-1 turns the signal's sign")
+    scale: float = Field(default=1.0, allow_inf_nan=False, description="units per recorded value")
+    offset: float = Field(default=0.0, allow_inf_nan=False, description="added, in units")
 
-    @field_validator("columns", mode="before")
+    @property
+    def column(self) -> str:
+        """Its name in the table, too."""
+        return self.signal
+
+    @field_validator("signal")
     @classmethod
-    def _bare_names(cls, value: Any) -> Any:
+    def _free(cls, value: str) -> str:
+        if value in COLUMNS or value in TERM_SIGNALS or value in FUNCTIONS:
+            raise ValueError(f"{value!r} has a meaning already: a name of its own is needed")
+        return value
+
+    @model_validator(mode="after")
+    def _understood(self) -> Heard:
+        _ = self.unit_in_expressions
+        return self
+
+    @property
+    def unit_in_expressions(self) -> str:
+        """Unit in which terms hear it: SI."""
+        if self.unit is None:
+            return "-"
+        base = _units().Quantity(1.0, _unit(self.unit)).to_base_units().units
+        return f"{base:~C}".replace("**", "").replace("*", " ") or "-"
+
+    def convert(self, values: pd.Series) -> pd.Series:
+        """Values in SI; what is no number is left to the recording's own checks."""
+        numbers = pd.to_numeric(values, errors="coerce").astype(float)
+        numbers = self.sign * (self.scale * numbers + self.offset)
+        if self.unit is None:
+            return numbers
+        return pd.Series(
+            _units().Quantity(numbers.to_numpy(), _unit(self.unit)).to_base_units().magnitude,
+            numbers.index,
+        )
+
+
+class ColumnMap(BaseModel):
+    """A whole map: canonical sources, and signals for terms, by foreign name."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    columns: dict[str, Source] = {}
+    signals: dict[str, Heard] = {}
+
+    @field_validator("columns", "signals", mode="before")
+    @classmethod
+    def _bare_names(cls, value: Any, info: ValidationInfo) -> Any:
         if not isinstance(value, dict):
             return value
-        return {k: {"column": v} if isinstance(v, str) else v for k, v in value.items()}
+        key = "column" if info.field_name == "columns" else "signal"
+        return {k: {key: v} if isinstance(v, str) else v for k, v in value.items()}
+
+    @property
+    def sources(self) -> dict[str, Source | Heard]:
+        """All of them."""
+        return {**self.columns, **self.signals}
 
     @model_validator(mode="after")
     def _each_once(self) -> ColumnMap:
-        names = [source.column for source in self.columns.values()]
+        if not self.sources:
+            raise ValueError("neither [columns] nor [signals] says anything")
+        if both := sorted(set(self.columns) & set(self.signals)):
+            raise ValueError(f"{both[0]!r} stands under [columns] and [signals]")
+        names = [source.column for source in self.sources.values()]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{twice[0]} is given by more than one column")
@@ -154,8 +225,8 @@ class ColumnMap(BaseModel):
             RecordingError: the map names a column that the recording does not have, gives a
                 canonical column that it has already, or a time stamp cannot be read.
         """
-        result = table.drop(columns=[name for name in self.columns if name in table])
-        for name, source in self.columns.items():
+        result = table.drop(columns=[name for name in self.sources if name in table])
+        for name, source in self.sources.items():
             if name not in table:
                 raise RecordingError(
                     f"{path}: column {name!r} of the column map is missing; "
@@ -198,14 +269,30 @@ def load_map(path: str | Path) -> ColumnMap:
 
 def _explained(item: dict[str, Any]) -> str:
     """One pydantic error as a sentence with key and what is allowed."""
-    key = ".".join(map(str, item["loc"])) or "columns"
+    key = ".".join(map(str, item["loc"])) or "the map"
     what = item["ctx"]["error"] if item["type"] == "value_error" else item["msg"].lower()
     if item["type"] == "missing":
         return f"{key} is missing"
     if item["type"] == "extra_forbidden":
-        known = ColumnMap if len(item["loc"]) == 1 else Source
+        known = (
+            ColumnMap if len(item["loc"]) == 1 else Heard if item["loc"][0] == "signals" else Source
+        )
         return f"{key} is not a known key (allowed: {', '.join(known.model_fields)})"
     return f"{key}: {what}"
+
+
+def _unit(name: str) -> Any:
+    """A unit by its name.
+
+    Raises:
+        ValueError: it is not understood.
+    """
+    try:
+        return _units().parse_units(name)
+    except Exception as error:  # pint raises many kinds for text that is no unit
+        raise ValueError(
+            f"unit {name!r} is not understood ({error}); examples: rpm, kN m, knot, deg"
+        ) from None
 
 
 @functools.cache

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,7 @@ class Recording:
         noise: noise of each measured or ordered channel, in the channel's unit.
         warnings: what was mended or looks odd; sentences for the reader.
         limits: what the recording cannot show, each beginning with "too short" or "dull".
+        signals: unit of each column that is a signal for terms, by its name.
     """
 
     source: Path
@@ -54,6 +56,7 @@ class Recording:
     noise: Mapping[str, Noise]
     warnings: tuple[str, ...] = ()
     limits: tuple[str, ...] = ()
+    signals: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -82,7 +85,12 @@ class Recording:
         return tuple(c for c in self.table if c != TIME)
 
 
-def load_recording(path: str | Path, ship: Ship, columns: str | Path | None = None) -> Recording:
+def load_recording(
+    path: str | Path,
+    ship: Ship,
+    columns: str | Path | None = None,
+    signals: Mapping[str, str] = MappingProxyType({}),
+) -> Recording:
     """Read a recording and check it against the ship that made it.
 
     Args:
@@ -90,7 +98,10 @@ def load_recording(path: str | Path, ship: Ship, columns: str | Path | None = No
         ship: the nominal ship; its end stops, and what it does under the recording's demands, tell
             another unit, a turned sign and swapped names from real differences.
         columns: TOML file that maps foreign names, units and signs (:mod:`.columns`); without it
-            the file has canonical names and units. Columns that are not canonical are left out.
+            the file has canonical names and units. Columns that are neither canonical nor signals
+            are left out.
+        signals: units of columns that are kept as signals for terms where the file has them, by name,
+            besides those of the ship and of the column map.
 
     Returns:
         The recording on an even time base. A recording too short or too dull to decide anything is
@@ -103,23 +114,29 @@ def load_recording(path: str | Path, ship: Ship, columns: str | Path | None = No
             turn; a channel that is dead, in another unit, of the other sign or under another's name.
     """
     path = Path(path)
-    raw = read_mapped(path, columns)
+    raw, mapped = read_mapped(path, columns)
+    heard = {n: u for n, u in {**signals, **ship.signals, **mapped}.items() if n in raw}
     turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
     required = list(dict.fromkeys([*input_columns(ship), turning]))
-    numbers = as_numbers(path, raw, required)[[c for c in COLUMNS if c in raw]]
+    known = [*(c for c in COLUMNS if c in raw), *sorted(heard)]
+    numbers = as_numbers(path, raw, required, heard)[known]
     table, warnings = on_even_time(path, numbers)
     refuse_wrapped(path, table)
     interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
     _refuse_slips(path, table, interval, ship)
     check_bounds(path, numbers)
-    noise = {c: describe(table[c].to_numpy(), interval) for c in table if c != TIME}
+    noise = {
+        c: describe(table[c].to_numpy(), interval) for c in table if c != TIME and c not in heard
+    }
     warnings += at_rest(table, ship, noise)
     limits = (*too_short(table, interval, ship), *dull(table, ship, noise))
-    return Recording(path, table, float(interval), noise, tuple(warnings), limits)
+    return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard)
 
 
-def read_mapped(path: Path, columns: str | Path | None = None) -> pd.DataFrame:
-    """A file's table under canonical names and units, not yet checked.
+def read_mapped(
+    path: Path, columns: str | Path | None = None
+) -> tuple[pd.DataFrame, dict[str, str]]:
+    """A file's table under canonical names and units, not yet checked; and units of its signals.
 
     Args:
         path: CSV or Parquet file.
@@ -129,7 +146,11 @@ def read_mapped(path: Path, columns: str | Path | None = None) -> pd.DataFrame:
         RecordingError: file or map cannot be used.
     """
     raw = read_table(path)
-    return raw if columns is None else load_map(columns).apply(path, raw)
+    if columns is None:
+        return raw, {}
+    given = load_map(columns)
+    units = {source.signal: source.unit_in_expressions for source in given.signals.values()}
+    return given.apply(path, raw), units
 
 
 def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> None:

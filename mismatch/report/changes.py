@@ -16,16 +16,27 @@ _ABSENT = "absent"
 
 def changed_keys(diagnosis: Outcome) -> list[tuple[Markup, str, str]]:
     """Keys of the ship's file that differ: key, nominal and corrected value."""
-    old, new = (_flat(s.model_dump()) for s in (diagnosis.ship, diagnosis.corrected))
+    old, new = (_numbers_of(ship) for ship in (diagnosis.ship, diagnosis.corrected))
     return [
         (
             breakable(key),
-            _value(old.get(key), key, diagnosis.ship),
-            _value(value, key, diagnosis.ship),
+            _value(old.get(key), key, diagnosis.corrected),
+            _value(value, key, diagnosis.corrected),
         )
         for key, value in new.items()
         if value != old.get(key)
     ]
+
+
+def _numbers_of(ship: Ship) -> dict[str, Any]:
+    """What stands in a ship's file, by dotted key; of a term also what it adds, in a line."""
+    tree = ship.model_dump()
+    found = _flat({key: value for key, value in tree.items() if key != "term"})
+    for term in ship.term:
+        found[f"term.{term.id}"] = "; ".join(f"{where}: {what}" for where, what in term.expressions)
+        for name, parameter in term.parameters.items():
+            found[f"term.{term.id}.{name}"] = parameter.value
+    return found
 
 
 def _flat(tree: dict[str, Any], above: str = "") -> dict[str, Any]:

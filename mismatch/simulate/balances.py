@@ -29,6 +29,7 @@ from ...plant.columns import SHAFT_ANGLE, SHAFT_SPEED
 from ...plant.dynamics import loads
 from ...plant.shaft import inertia_behind_gauge
 from ...plant.state import Inputs, motion_state, without_lags
+from ...plant.term_kernel import NO_SIGNALS
 from .joint_replay import JointReplay
 
 Channels = dict[str, NDArray[np.float64]]
@@ -54,7 +55,9 @@ def _loads_at(
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
         state = motion_state(pitch_ratio[k], shaft_speed[k], ship_speed[k])
-        acts = Inputs(rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0)
+        acts = Inputs(
+            rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0, NO_SIGNALS
+        )
         acting = loads(plant, state, acts, pitch_ratio[k])
         drive_torque[k] = acting.drive_torque
         load_torque[k] = acting.load_torque

@@ -20,6 +20,7 @@ from ...plant import Ship, equilibrium, get_sea, load_ship, realise
 from ...plant.memory import MEMORY
 from ...plant.state import STATE
 from ...plant.stepping import Disturbance, observe, prepare, step
+from ...plant.term_kernel import NO_SIGNALS
 from ...plant.waves import SEA
 
 INTERVAL_STEPS = 10
@@ -77,7 +78,7 @@ def _interval(
     reading: Record,
     dt: float,
 ) -> None:
-    steady = Disturbance(0.0, 0.0, resistance_factor)
+    steady = Disturbance(0.0, 0.0, resistance_factor, NO_SIGNALS)
     for _ in range(INTERVAL_STEPS):
         speed = state.shaft_speed
         outputs = step(plant, state, memory, sea, rack, pitch, steady, steady, steady, dt)

@@ -9,7 +9,7 @@ import numpy as np
 
 from shaftline.mismatch import Diagnosis, Estimate
 from shaftline.mismatch.judge.findings import Detectable, Finding
-from shaftline.mismatch.judge.shapes import Shape
+from shaftline.mismatch.judge.shapes import Shape, term_of
 from shaftline.mismatch.judge.whiteness import Colour
 from shaftline.mismatch.search.catalogue import Effect, catalogue
 from shaftline.mismatch.search.placed import Placed
@@ -60,20 +60,14 @@ def friction(ship: Ship, trace: Any) -> dict[str, Any]:
 
 def nameless(ship: Ship, trace: Any) -> dict[str, Any]:
     knots, values = np.array([9.0, 10.0, 11.0]), np.array([0.0, -12000.0, 500.0])
-    corrected = ship.with_values(
-        {
-            "unexplained.balance": "engine",
-            "unexplained.signal": "shaft_speed",
-            "unexplained.knots": knots.tolist(),
-            "unexplained.values": values.tolist(),
-        }
-    )
     shape = Shape("engine", "N m", "shaft_speed", "rad/s", knots, values, 300.0, 40.0, trace)
+    term = term_of(shape, ship)
+    assert term is not None
     return {
         "verdict": "unexplained",
         "shape": shape,
         "shape_windows": [(20.0, 50.0)],
-        "corrected": corrected,
+        "corrected": ship.with_term(term),
         "left_over": Colour(0, 1, 0.005, 0.02, 14.0),
     }
 

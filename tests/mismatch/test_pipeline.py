@@ -48,17 +48,14 @@ def test_a_wrong_number_inside_its_tolerance_is_no_missing_physics() -> None:
 
 def test_what_the_catalogue_does_not_hold_is_shown_without_a_name() -> None:
     # a shaft generator that is switched on for a while
-    values = {
-        "unexplained.balance": "engine",
-        "unexplained.signal": "time",
-        "unexplained.knots": [0.0, 199.0, 200.0, 380.0, 381.0, 600.0],
-        "unexplained.values": [0.0, 0.0, -25000.0, -25000.0, 0.0, 0.0],
-    }
+    taken = "table(time, 199, 0, 200, -25e3, 380, -25e3, 381, 0)"
+    values = {"term": [{"id": "generator", "acts_on": "drive_torque", "expression": taken}]}
     found = diagnose(quick_frigate(), voyage(values, seed=4))
     assert found.verdict == "unexplained"
     assert found.shape is not None
     assert found.shape.balance == "engine"
-    assert found.corrected.unexplained is not None
+    (term,) = found.corrected.term
+    assert term.acts_on == "drive_torque"
     assert found.held_out_gain > 0.0  # else it would be shown, not used
     assert found.fit_after["shaft_speed_rad_s"] >= found.fit_before["shaft_speed_rad_s"] - 0.5
 

@@ -134,7 +134,7 @@ def test_derivatives_to_the_states_are_those_of_the_linear_model(name: str) -> N
     model = linearise(ship, point, ("shaft_torque", "thrust"))
     twin = complex_record(ship.record())
     state = State(*map(float, point.state))
-    acting = Inputs(*map(float, point.inputs))
+    acting = point.inputs
     blade = float(point.outputs.pitch_ratio)
     for column, moves in enumerate(names):
         along = STILL._replace(**{moves: 1.0})

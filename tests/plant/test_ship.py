@@ -209,7 +209,6 @@ def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
         "name",
         "rudder.angle",
         "record.x",
-        "unexplained.knots",
         "tolerances.x",
     ],
 )

@@ -73,8 +73,10 @@ def test_limits_may_be_infinite(edited: Edit, limit: str) -> None:
 
 
 SHAPE = {
-    "unexplained.balance": "hull", "unexplained.signal": "ship_speed",
-    "unexplained.knots": (0.0, 2.5, 1e3), "unexplained.values": (0.0, -1e-7, 3e8),
+    "term": [
+        {"id": "shape", "acts_on": "resistance",
+         "expression": "table(ship_speed, 0, 0, 2.5, 1e-7, 1e3, -3e8)"}
+    ]
 }  # fmt: skip
 
 

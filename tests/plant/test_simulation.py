@@ -204,7 +204,7 @@ def test_trajectory_of_records_is_the_simulation_of_ships(
         state[0] = tuple(design_point.state)
         trajectory(
             plant, state[0], memory, thesis_sea.copy(), np.full(steps, 24.0), np.full(steps, 1.3),
-            np.sin(half), np.cos(half), np.full(half.shape, 1.1), dt, samples,
+            np.sin(half), np.cos(half), np.full(half.shape, 1.1), np.zeros((1, 6)), dt, samples,
         )  # fmt: skip
         assert samples.tobytes() == expected.tobytes()
 
@@ -230,7 +230,9 @@ def test_tug_spins_up_to_its_steady_state() -> None:
 def test_input_that_is_no_number_is_named(
     frigate: Ship, design_point: Equilibrium, name: str, value: float
 ) -> None:
-    inputs = {"drive": 22.0, "pitch_command": 1.4, name: lambda t: np.where(t > 0.5, value, 1.0)}
+    inputs: dict[str, Any] = {
+        "drive": 22.0, "pitch_command": 1.4, name: lambda t: np.where(t > 0.5, value, 1.0),
+    }  # fmt: skip
     with pytest.raises(ValueError, match=f"{name} holds a value that is not finite"):
         simulate(frigate, Schedule(**inputs), 1.0, initial=design_point.state)
 

@@ -117,5 +117,5 @@ def test_state_of_the_motion_alone() -> None:
 
 
 def test_absent_states_and_disturbances_are_nothing() -> None:
-    assert State(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert Inputs(22.0, 1.4) == (22.0, 1.4, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    assert State(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, *9 * (0.0,))
+    assert Inputs(22.0, 1.4) == (22.0, 1.4, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 6 * (0.0,))

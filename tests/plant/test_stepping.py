@@ -22,6 +22,7 @@ from shaftline.plant.stepping import (
     runge_kutta,
     step,
 )
+from shaftline.plant.terms import Term, add_term
 from shaftline.plant.waves import SYNC_STEPS, Sea, calm, field
 
 DT = 0.05
@@ -112,9 +113,7 @@ def test_disturbances_act_at_their_instants(massive: Run) -> None:
 def test_time_passes_within_a_step(massive: Run) -> None:
     """A force that grows with time, integrated over the seventh step."""
     plant = massive.plant
-    plant["unexplained_balance"], plant["unexplained_signal"] = 3, 4
-    plant["unexplained_count"] = 2
-    plant["unexplained_knots"][:2], plant["unexplained_values"][:2] = (0.0, 1.0), (0.0, 1e8)
+    add_term(plant, Term(id="growing", acts_on="resistance", expression="-1e8 * time"))
     massive.memory["cursor"] = 6
     before = float(massive.state["ship_speed"])
     rate, _ = evaluate(plant, get_state(massive.state), Inputs(22.0, 1.4), 1.4, False)

@@ -21,12 +21,17 @@ def test_keys_that_differ_are_told_with_their_units() -> None:
     assert told("nothing-missing") == []
 
 
-def test_a_curve_is_told_knot_by_knot() -> None:
-    assert told("unexplained") == [
-        ("unexplained.balance", "absent", "engine"),
-        ("unexplained.signal", "absent", "shaft_speed"),
-        ("unexplained.knots", "absent", "9.0000, 10.000, 11.000"),
-        ("unexplained.values", "absent", "0, −12 000, 500.00"),
+def test_a_term_is_told_in_a_line_and_its_numbers_with_their_units() -> None:
+    curve = "table(shaft_speed, 9, 0, 10, -12000, 11, 500)"
+    assert told("unexplained") == [("term.unnamed-engine", "absent", f"drive_torque: {curve}")]
+    drag = {
+        "id": "drag", "acts_on": "load_torque", "expression": "k * z", "state": "z",
+        "rate": "shaft_speed - z", "parameters": {"k": {"value": 3.0, "unit": "N m s/rad"}},
+    }  # fmt: skip
+    ship = diagnosis_of("explained").ship.with_values({"term": [drag]})
+    assert told("explained", corrected=ship) == [
+        ("term.drag", "absent", "load_torque: k * z; rate: shaft_speed - z"),
+        ("term.drag.k", "absent", "3.0000 N m s/rad"),
     ]
 
 

@@ -143,8 +143,3 @@ def test_a_recorded_speed_is_followed_from_row_to_row(held: Ship) -> None:
 def test_a_term_on_the_drive_acts_on_nothing(held: Ship, place: Any) -> None:
     with pytest.raises(ShipError, match=f"'more' acts on nothing: acts_on = '{place}'"):
         held.with_term(Term(id="more", acts_on=place, expression="1"))
-    with pytest.raises(ShipError, match="asks for a shaft whose speed is not held"):
-        held.with_values(
-            {"unexplained.balance": "engine", "unexplained.signal": "time",
-             "unexplained.knots": [0.0, 1.0], "unexplained.values": [0.0, 1.0]}
-        )  # fmt: skip
