@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..plant.ship import Ship
-from .search.catalogue import applicable
+from .search.catalogue import OUTSIDE, Effect, applicable
+from .search.entries import read_entries
 
 
 @dataclass(frozen=True)
@@ -18,11 +21,53 @@ class Options:
         columns: column map of the recordings' files (:mod:`.recordings.columns`), or none.
         exclude: ids of the catalogue to leave out.
         tolerance: factor on the tolerances of the ship's numbers [-].
+        effects: files with effects of one's own (:mod:`.search.entries`), tried with the catalogue's.
     """
 
     columns: Path | None = None
     exclude: tuple[str, ...] = ()
     tolerance: float = 1.0
+    effects: tuple[Path, ...] = ()
+
+    @functools.cached_property
+    def own_effects(self) -> tuple[Effect, ...]:
+        """What the files of ``effects`` hold.
+
+        Raises:
+            ValueError: one of them cannot be read or used; names file, entry and key.
+        """
+        return tuple(effect for path in self.effects for effect in read_entries(path))
+
+    @property
+    def signals(self) -> dict[str, str]:
+        """Units of the signals from outside that effects hear, by name; "-" where nobody says."""
+        heard = [name for e in self.own_effects if e.term is not None for name in e.term.hears]
+        return dict.fromkeys(heard, "-") | OUTSIDE
+
+    def hearing(self, ship: Ship, signals: Mapping[str, str]) -> Ship:
+        """The ship with the signals that its recordings have.
+
+        Args:
+            ship: nominal.
+            signals: units by name.
+
+        Raises:
+            ValueError: an effect of one's own hears what the recordings do not have.
+        """
+        ship = ship.with_signals({**ship.signals, **signals}) if signals else ship
+        for effect in self.own_effects:
+            for name in effect.term.hears if effect.term is not None else ():
+                if name not in ship.signals:
+                    raise ValueError(
+                        f"{effect.label} hears {name}, which the recordings do not have; name the "
+                        "column under [signals] in the column map"
+                    )
+            if not effect.acts_on(ship):
+                raise ValueError(
+                    f"{effect.label} cannot act on {ship.name}: its balances are "
+                    f"{', '.join(ship.balances)}"
+                )
+        return ship
 
     def check(self, ship: Ship) -> None:
         """Refuse what no recording could mend, before any is read.
@@ -33,6 +78,6 @@ class Options:
         Raises:
             ValueError: an unknown id, or a tolerance that is no factor.
         """
-        applicable(ship, (), self.exclude)
+        applicable(ship, (), self.exclude, self.own_effects)
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):
             raise ValueError(f"tolerance {self.tolerance:g}: a factor of at least 0 is needed")

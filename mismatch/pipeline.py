@@ -62,12 +62,14 @@ def diagnose(
         ShipError: a ship that cannot be simulated.
     """
     options.check(ship)
-    together = load_jointly(ship, recordings, hold_out, options.columns, tick)
+    together = load_jointly(ship, recordings, hold_out, options.columns, tick, options.signals)
+    ship = options.hearing(ship, together.signals)
     with threadpool_limits(1, "blas"):
         replay = JointReplay(ship, *together.tables)
         balances = Balances(replay)
         whiteness, held = _parted(balances, together.held_out, options.tolerance)
-        effects = applicable(ship, set(together.tables[0].columns), options.exclude)
+        columns = set(together.tables[0].columns)
+        effects = applicable(ship, columns, options.exclude, options.own_effects)
         selector = Selector(whiteness.fitter, effects, _episodes(balances), tick)
         selection = selector.search()
         tick("judging on the data set aside", 0, 1)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TypeAlias
 
 import pandas as pd
@@ -35,12 +36,14 @@ class JointRecordings:
         held_out: how many are set aside.
         limits: why they may not decide.
         warnings: what was noticed about them.
+        signals: units of what terms may hear in all of them, by name.
     """
 
     tables: tuple[pd.DataFrame, ...]
     held_out: int
     limits: list[str]
     warnings: list[str]
+    signals: dict[str, str]
 
 
 def load_jointly(
@@ -49,6 +52,7 @@ def load_jointly(
     held_out: Sequence[Recorded] = (),
     columns: Path | None = None,
     tick: Tick = silent,
+    signals: Mapping[str, str] = MappingProxyType({}),
 ) -> JointRecordings:
     """Read and check recordings that are diagnosed together.
 
@@ -58,6 +62,7 @@ def load_jointly(
         held_out: set aside to judge on.
         columns: column map of the files, or none.
         tick: told how many are read.
+        signals: units of columns that terms may hear, by name, besides those of the ship and the map.
 
     Raises:
         RecordingError: a recording or the column map cannot be used; names file, column and row.
@@ -74,24 +79,29 @@ def load_jointly(
     loaded = []
     for done, source in enumerate(sources):
         tick("reading and checking", done, len(sources))
-        loaded.append(_loaded(source, ship, columns))
+        loaded.append(_loaded(source, ship, columns, signals))
     tick("reading and checking", len(sources), len(sources))
     rows = sum(len(recording) for recording in loaded[: len(fitted)])
     if rows < LEAST_ROWS:
         names = " and ".join(str(recording.source) for recording in loaded[: len(fitted)])
         raise RecordingError(f"{names}: {rows} rows; at least {LEAST_ROWS} are needed")
     limits, warnings = _said(loaded[: len(fitted)], loaded)
-    return JointRecordings(tuple(r.table for r in loaded), len(held_out), limits, warnings)
+    heard = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
+    tables = tuple(r.table for r in loaded)
+    return JointRecordings(tables, len(held_out), limits, warnings, heard)
 
 
-def _loaded(source: Recorded, ship: Ship, columns: Path | None) -> Recording:
+def _loaded(
+    source: Recorded, ship: Ship, columns: Path | None, signals: Mapping[str, str]
+) -> Recording:
     if isinstance(source, Recording):
         recording = source
     elif isinstance(source, pd.DataFrame):
         interval = float(source[TIME].diff().mean())
-        recording = Recording(Path("table"), source, interval, {})
+        heard = {n: unit for n, unit in {**signals, **ship.signals}.items() if n in source}
+        recording = Recording(Path("table"), source, interval, {}, signals=heard)
     else:
-        recording = load_recording(source, ship, columns)
+        recording = load_recording(source, ship, columns, signals)
     if len(recording) < LEAST_OF_ONE:
         raise RecordingError(
             f"{recording.source}: {len(recording)} rows; at least {LEAST_OF_ONE} are needed of each"

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import functools
 import importlib.resources
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from ...plant.keys import Number
 from ...plant.ship import Ship
@@ -75,11 +73,13 @@ class Effect:
         excitation: what the recording must do for the effect to show.
         confused_with: ids that a recording may not be able to tell from it.
         split_by: manoeuvre or sensor that would.
-        fixed: keys that are set with it, by a mean of the nominal simulation.
+        fixed: keys that are set with it: to a number, by a scale of the nominal simulation (as ``of``)
+            or to another key's number.
         ties: keys that follow a parameter: (key, parameter's key, factor).
         needs: columns without which it cannot be tried.
         windowed: acts for a time, whose start and end are fitted too.
-        form: what tells it from an entry of the same id and balance.
+        form: what tells it from the other forms of the same physics, which have the same id and
+            balance; the first of them in the catalogue is tried first.
         term: that the effect is, with its numbers at values that change nothing; None where the
             parameters are keys of the ship's file.
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
@@ -96,7 +96,7 @@ class Effect:
     excitation: str
     confused_with: tuple[str, ...] = ()
     split_by: str = ""
-    fixed: tuple[tuple[str, str], ...] = ()
+    fixed: tuple[tuple[str, float | str], ...] = ()
     ties: tuple[tuple[str, str, float], ...] = ()
     needs: tuple[str, ...] = ()
     windowed: bool = False
@@ -125,7 +125,14 @@ class Effect:
             host = self.on(ship)
         except ShipError:
             return False
-        return all(host.has_key(parameter.key) for parameter in self.parameters)
+        keys = [parameter.key for parameter in self.parameters]
+        keys += [of for _, of in self.fixed if isinstance(of, str) and "." in of]
+        return all(host.has_key(key) for key in keys)
+
+    @property
+    def kind(self) -> tuple[str, str]:
+        """What forms of one piece of physics have in common: id and balance."""
+        return self.id, self.balance
 
     @property
     def label(self) -> str:
@@ -136,21 +143,10 @@ class Effect:
 @functools.cache
 def catalogue() -> tuple[Effect, ...]:
     """Every entry, as ``catalogue.toml`` states them."""
-    text = (
-        importlib.resources.files("shaftline.mismatch.search")
-        .joinpath("catalogue.toml")
-        .read_text("utf-8")
-    )
-    return entries_of(text)
+    from .entries import entries_of
 
-
-def entries_of(text: str) -> tuple[Effect, ...]:
-    """Entries from the text of a catalogue.
-
-    An entry that needs no code has a ``term`` (see :mod:`shaftline.plant.terms`) and gives its
-    parameters ``unit``, ``low`` and ``high``; their keys are then the names in the term's expression.
-    """
-    return tuple(_entry(item) for item in tomllib.loads(text)["effect"])
+    folder = importlib.resources.files("shaftline.mismatch.search")
+    return entries_of(folder.joinpath("catalogue.toml").read_text("utf-8"))
 
 
 @functools.lru_cache(maxsize=256)
@@ -160,57 +156,52 @@ def _carrying(ship: Ship, term: Term | None) -> Ship:
     return ship.with_term(term)
 
 
-def _term(item: dict[str, Any]) -> Term | None:
-    """The entry's term, if it has one; its parameters' keys become those of the ship's file."""
-    given = item.pop("term", None)
-    if given is None:
-        return None
-    name = "-".join(filter(None, (item["id"], item["balance"], item.get("form", ""))))
-    numbers = {}
-    for parameter in item["parameters"]:
-        own = {k: parameter.pop(k) for k in ("unit", "low", "high", "neutral") if k in parameter}
-        numbers[parameter["key"]] = {"value": own.pop("neutral", 0.0), **own}
-        parameter["key"] = f"term.{name}.{parameter['key']}"
-    return Term.model_validate({"id": name, **given, "parameters": numbers})
-
-
-def _entry(item: dict[str, Any]) -> Effect:
-    item["term"] = _term(item)
-    parameters = tuple(
-        Parameter(**{**p, "probes": tuple(p["probes"]), "term": item["term"]})
-        for p in item.pop("parameters")
-    )
-    for key in ("confused_with", "needs", "applies_to"):
-        item[key] = tuple(item.get(key, ()))
-    item["ties"] = tuple((key, of, float(factor)) for key, of, factor in item.get("ties", ()))
-    item["fixed"] = tuple(item.get("fixed", {}).items())
-    return Effect(parameters=parameters, **item)
-
-
 def mistaken_for(effect: Effect, ship: Ship) -> tuple[str, ...]:
     """Ids that a recording of a ship may not be able to tell from an effect; only what it can have."""
     own = {entry.id for entry in catalogue() if entry.acts_on(ship)}
     return tuple(name for name in effect.confused_with if name in own)
 
 
-def applicable(ship: Ship, columns: Iterable[str], exclude: Iterable[str] = ()) -> list[Effect]:
+def applicable(
+    ship: Ship,
+    columns: Iterable[str],
+    exclude: Iterable[str] = (),
+    own: Iterable[Effect] = (),
+) -> list[Effect]:
     """Entries that a ship can have and a recording could show.
 
     Args:
-        ship: the nominal ship.
+        ship: the nominal ship; a term is heard where the ship hears its signals.
         columns: of the recording.
         exclude: ids to leave out.
+        own: entries besides the catalogue's.
 
     Raises:
         ValueError: an id to leave out is unknown.
     """
     known, left_out = set(columns), set(exclude)
-    unknown = left_out - {effect.id for effect in catalogue()}
+    everything = [*catalogue(), *own]
+    unknown = left_out - {effect.id for effect in everything}
     if unknown:
-        names = ", ".join(sorted({effect.id for effect in catalogue()}))
+        names = ", ".join(sorted({effect.id for effect in everything}))
         raise ValueError(f"unknown effect {sorted(unknown)[0]!r}; known: {names}")
     return [
         effect
-        for effect in catalogue()
+        for effect in everything
         if effect.id not in left_out and set(effect.needs) <= known and effect.acts_on(ship)
     ]
+
+
+def signals_of_catalogue() -> dict[str, str]:
+    """Signals from outside that entries of the catalogue hear, and their units."""
+    heard = {name for effect in catalogue() if effect.term for name in effect.term.hears}
+    return {name: unit for name, unit in OUTSIDE.items() if name in heard}
+
+
+OUTSIDE = {
+    "drift_angle": "rad",
+    "yaw_rate": "rad/s",
+    "rudder_angle": "rad",
+    "head_wind": "m/s",
+}
+"""Names under which entries of the catalogue hear what a recording may hold besides, and units."""

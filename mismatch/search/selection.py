@@ -12,8 +12,11 @@ from .fitting import Fit, Fitter
 from .placed import Placed, Window
 
 MOST_EFFECTS = 3
-REFINED = 5
-"""How many of a screen's best are refined by output error."""
+REFINED, FORMS = 5, 2
+"""How many of a screen's best pieces of physics are refined by output error, and forms of each."""
+
+NEAR_GAIN = 0.25
+"""Share of the best gain that is worth refining."""
 
 TELL_APART = 6.0
 """Difference of 2 log L below which two names cannot be told apart (odds of about 20 to 1)."""
@@ -94,9 +97,9 @@ class Selector:
 
     def screen(self, base: Fit, stage: str) -> list[Candidate]:
         """Every effect at the best of its probes on top of a model, best first."""
-        taken = {(placed.effect.id, placed.effect.balance) for placed in base.effects}
+        taken = {placed.effect.kind for placed in base.effects}
+        pending = [e for e in self.effects if e.kind not in taken]
         found = []
-        pending = [e for e in self.effects if (e.id, e.balance) not in taken]
         for done, effect in enumerate(pending):
             self.tick(stage, done, len(pending))
             best: Fit | None = None
@@ -108,6 +111,17 @@ class Selector:
                 found.append(Candidate(effect, best, best.score - base.score))
         self.tick(stage, len(pending), len(pending))
         return sorted(found, key=self._merit, reverse=True)
+
+    def _worth(self, screened: list[Candidate]) -> list[Candidate]:
+        """The best of a screen: some pieces of physics, the best forms of each."""
+        if not screened:
+            return []
+        least = max(1.0, NEAR_GAIN * screened[0].gain)
+        found: dict[tuple[str, str], list[Candidate]] = {}
+        for candidate in screened:
+            if candidate.gain > least:
+                found.setdefault(candidate.effect.kind, []).append(candidate)
+        return [c for forms in list(found.values())[:REFINED] for c in forms[:FORMS]]
 
     def _trials(self, base: Fit, effect: Effect) -> Iterator[Placed]:
         """An effect at its probes, and at the sizes to which the smallest of them point."""
@@ -123,11 +137,8 @@ class Selector:
 
     def refine(self, base: Fit, candidates: list[Candidate]) -> list[Candidate]:
         """The best of a screen, their values fitted; best first."""
-        worth = [
-            c for c in candidates[:REFINED] if c.gain > 0.25 * candidates[0].gain and c.gain > 1.0
-        ]
         found = []
-        for candidate in worth:
+        for candidate in self._worth(candidates):
             fit = self.fitter.refined(candidate.fit, len(candidate.fit.effects) - 1)
             found.append(Candidate(candidate.effect, fit, fit.score - base.score))
         return sorted(found, key=self._merit, reverse=True)

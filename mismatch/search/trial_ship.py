@@ -41,7 +41,7 @@ class TrialShip:
         """Dotted keys of the ship's file and their values."""
         found = {parameter.key: value for parameter, value in placed.pairs}
         for key, of in placed.effect.fixed:
-            found[key] = self._scales[of]
+            found[key] = self._fixed(of)
         for key, of, factor in placed.effect.ties:
             found[key] = found[of] * factor
         if placed.window is not None:
@@ -54,6 +54,12 @@ class TrialShip:
             key: float(np.clip(value, *self._range(host.number(key))))
             for key, value in found.items()
         }
+
+    def _fixed(self, of: float | str) -> float:
+        """A number as it stands, by a scale, or another key's."""
+        if isinstance(of, str):
+            return self._scales[of] if of in self._scales else self.ship.number(of).value
+        return of
 
     def range_of(self, parameter: Parameter) -> tuple[float, float]:
         """Lowest and highest value of a parameter."""
@@ -146,8 +152,14 @@ def scales(balances: Balances) -> Mapping[str, float]:
         torque = typical(gear * samples["brake_torque"])
     drive = balances.replay.drive_rows
     number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
-    return {
+    outside = {
+        f"force/{name}/{name}": typical(samples["resistance"]) / typical(heard) ** 2
+        for name, heard in balances.replay.outside.items()
+    }
+    return outside | {
         "unit": 1.0,
+        "time_step": max(run.dt for run in balances.replay.runs),
+        "torque/drive": torque / typical(drive),
         "torque": torque,
         "torque/shaft_speed": torque / shaft,
         "torque/shaft_speed/shaft_speed": torque / shaft**2,

@@ -81,6 +81,11 @@ class JointReplay:
             loading.append(self.recorded["ship_speed_m_s"])
         self.excited = any(_moves(signal) for signal in loading)
         self.elevation_rows = joined("elevation_rows")
+        self.outside = {
+            name: np.concatenate([run.table[name].to_numpy(dtype=np.float64) for run in self.runs])
+            for name in sorted(ship.signals)
+            if all(name in run.table for run in self.runs)
+        }
         self.inflow_rows = np.concatenate([run.inflow_rows(ship.record()) for run in self.runs])
 
     def simulate(self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:

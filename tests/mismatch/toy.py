@@ -5,7 +5,7 @@ What a search, a fit or a judgement makes of it can be worked out by hand.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,7 @@ class Toy:
     dt = 0.05
     rows = ROWS
     excited = True
+    outside: ClassVar[dict[str, Any]] = {}
 
     def __init__(
         self, truth: dict[str, float], noise: Array, known: float = 0.0, ship: Ship | None = None

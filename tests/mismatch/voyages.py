@@ -68,14 +68,14 @@ def frigate_voyage(
     return sailed
 
 
-def tug_run(values: dict[str, Any] | None = None, *, seed: int = 0) -> pd.DataFrame:
+def tug_run(values: dict[str, Any] | Ship | None = None, *, seed: int = 0) -> pd.DataFrame:
     """A model tug's drive train on the bench, its voltage stepped in both directions."""
     rng = np.random.default_rng(seed)
     rows, interval_s = 1500, 0.02
     voltage = _steps(rng, rows, -9.0, 9.0, (25, 90))
     table = pd.DataFrame({"time_s": np.arange(rows) * interval_s, "motor_voltage_V": voltage})
     table["shaft_speed_rad_s"] = 0.0
-    ship = bench_tug().with_values(values or {})
+    ship = values if isinstance(values, Ship) else bench_tug().with_values(values or {})
     run = simulate_recording(ship, table)[["time_s", "motor_voltage_V", "shaft_speed_rad_s"]]
     run["shaft_speed_rad_s"] += 0.3 * rng.standard_normal(rows)
     return run

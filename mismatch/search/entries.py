@@ -1,0 +1,216 @@
+"""Entries of a catalogue as they stand in a TOML file: the tool's own, and anybody's.
+
+``[[effect]]`` is some keys of a ship's file whose values are not neutral; ``[[term]]`` is physics that
+no key describes, with an expression (:mod:`shaftline.plant.terms`)::
+
+    [[term]]
+    id = "wave-making"
+    balance = "hull"
+    acts_on = "resistance"
+    expression = "c4 * ship_speed ** 4"
+    lacks = "force that grows with the fourth power of speed: the ship makes waves"
+
+    [term.parameters]
+    c4 = { unit = "N s4/m4", low = 0.0, high = 1e4, probes = [0.5, 2.0, 8.0] }
+
+The first parameter is the size: at its ``neutral`` value the term must add nothing. A parameter with
+``set`` is not fitted: it is that number, that scale of the recording or that number of the ship's file
+wherever the effect is tried.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from ...plant.terms import Term
+from .catalogue import Effect, Parameter
+
+BALANCES = ("engine", "motor", "propeller", "hull", "pitch-actuator", "sensor")
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class _Trial(_Table):
+    """How a parameter is first tried; as of :class:`.catalogue.Parameter`."""
+
+    probes: tuple[float, ...] = ()
+    of: str = "unit"
+    signed: bool = False
+    absolute: bool = False
+    least: float = 0.0
+
+    def of_key(self, key: str, term: Term | None = None) -> Parameter:
+        """The parameter of an effect that it states."""
+        return Parameter(key, self.probes, self.of, self.signed, self.absolute, self.least, term)
+
+
+class _OfKey(_Trial):
+    key: str
+
+
+class _OfTerm(_Trial):
+    unit: str = "-"
+    low: float = -1e12
+    high: float = 1e12
+    neutral: float = 0.0
+    set: float | str | None = None
+
+    @model_validator(mode="after")
+    def _tried(self) -> _OfTerm:
+        if not self.probes and self.set is None:
+            raise ValueError("probes are needed, values at which it is first tried; or set")
+        return self
+
+
+class _Entry(_Table):
+    """What an engineer is told of an effect, and where it can be; as of :class:`.catalogue.Effect`."""
+
+    id: str = Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=40)
+    balance: Literal["engine", "motor", "propeller", "hull", "pitch-actuator", "sensor"]
+    form: str = Field("", pattern=r"^([a-z0-9]+(-[a-z0-9]+)*)?$", max_length=40)
+    equation: str = ""
+    latex: str = ""
+    lacks: str = ""
+    excitation: str = ""
+    confused_with: tuple[str, ...] = ()
+    split_by: str = ""
+    needs: tuple[str, ...] = ()
+    applies_to: tuple[str, ...] = ()
+
+    def told(self) -> dict[str, Any]:
+        """What is handed on as it stands."""
+        return {name: getattr(self, name) for name in _Entry.model_fields}
+
+
+class _OfKeys(_Entry):
+    """An ``[[effect]]``."""
+
+    parameters: tuple[_OfKey, ...] = Field(min_length=1)
+    fixed: dict[str, float | str] = {}
+    ties: tuple[tuple[str, str, float], ...] = ()
+    windowed: bool = False
+
+    def effect(self) -> Effect:
+        return Effect(
+            **self.told(), parameters=tuple(p.of_key(p.key) for p in self.parameters),
+            fixed=tuple(self.fixed.items()), ties=self.ties, windowed=self.windowed,
+        )  # fmt: skip
+
+
+class _AsTerm(_Entry):
+    """A ``[[term]]``."""
+
+    acts_on: str
+    expression: str
+    also: dict[str, str] = {}
+    state: str | None = None
+    rate: str | None = None
+    parameters: dict[str, _OfTerm] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _of_a_size(self) -> _AsTerm:
+        if next(iter(self.parameters.values())).set is not None:
+            raise ValueError("parameters: the first is the effect's size, which is not set")
+        return self
+
+    @property
+    def term(self) -> Term:
+        """The term, at values that change nothing."""
+        numbers = {
+            name: {"value": p.neutral, "unit": p.unit, "low": p.low, "high": p.high}
+            for name, p in self.parameters.items()
+        }
+        tree = {
+            "id": "-".join(filter(None, (self.id, self.balance, self.form))),
+            "acts_on": self.acts_on, "expression": self.expression, "parameters": numbers,
+        }  # fmt: skip
+        more = {"also": self.also, "state": self.state, "rate": self.rate}
+        return Term.model_validate(tree | {key: value for key, value in more.items() if value})
+
+    def effect(self) -> Effect:
+        term = self.term
+        told = self.told()
+        adds = "; ".join(f"{where} + ({what})" for where, what in term.expressions)
+        told["equation"] = self.equation or adds
+        told["lacks"] = self.lacks or f"what {self.id.replace('-', ' ')} would give"
+        keys = {name: f"term.{term.id}.{name}" for name in self.parameters}
+        return Effect(
+            **told, term=term,
+            parameters=tuple(
+                p.of_key(keys[n], term) for n, p in self.parameters.items() if p.set is None
+            ),
+            fixed=tuple(
+                (keys[n], p.set) for n, p in self.parameters.items() if p.set is not None
+            ),
+        )  # fmt: skip
+
+
+class _File(_Table):
+    effect: tuple[_OfKeys, ...] = ()
+    term: tuple[_AsTerm, ...] = ()
+
+
+def entries_of(text: str, source: str = "catalogue") -> tuple[Effect, ...]:
+    """Entries from the text of a catalogue.
+
+    Args:
+        text: TOML; see the module.
+        source: named in errors.
+
+    Raises:
+        ValueError: what is wrong, with the entry's id and the key.
+    """
+    try:
+        tree = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{source}: not valid TOML: {error}") from None
+    try:
+        given = _File.model_validate(tree)
+        found = [entry.effect() for entry in (*given.effect, *given.term)]
+    except ValidationError as error:
+        raise ValueError("\n".join(_said(source, tree, dict(e)) for e in error.errors())) from None
+    labels = [effect.label for effect in found]
+    if twice := [label for label in labels if labels.count(label) > 1]:
+        raise ValueError(f'{source}: {twice[0]} stands twice; a second form has a form = "..."')
+    return tuple(found)
+
+
+def read_entries(path: Path) -> tuple[Effect, ...]:
+    """Entries of a file of one's own.
+
+    Raises:
+        ValueError: it cannot be read or used; names file, entry and key.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read: {error}") from None
+    found = entries_of(text, str(path))
+    if not found:
+        raise ValueError(f"{path}: no [[term]] and no [[effect]] in it")
+    return found
+
+
+def _said(source: str, tree: dict[str, Any], item: dict[str, Any]) -> str:
+    """One error of pydantic as a sentence that names the entry."""
+    place = list(item["loc"])
+    name = source
+    if len(place) > 1 and isinstance(place[1], int):
+        entry = tree[place[0]][place[1]]
+        own = entry.get("id", f"number {place[1] + 1}") if isinstance(entry, dict) else place[1] + 1
+        name = f"{source}: {place[0]} {own}"
+        place = place[2:]
+    key = ".".join(map(str, place))
+    kind = item["type"]
+    if kind == "missing":
+        return f"{name}: {key} is missing"
+    if kind == "extra_forbidden":
+        return f"{name}: {key} is not a known key"
+    what = str(item["ctx"]["error"]) if kind == "value_error" else item["msg"].lower()
+    return f"{name}: {key}: {what}" if key else f"{name}: {what}"
