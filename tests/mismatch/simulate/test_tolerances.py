@@ -21,7 +21,8 @@ from shaftline.plant.tolerances import Tolerances
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
 FOULING = Placed(next(e for e in catalogue() if e.id == "hull-fouling"), (0.04,))
-NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields if key != "numbers"]
+BY_NUMBER = ("numbers", "correlations")
+NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields if key not in BY_NUMBER]
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,7 @@ def test_the_largest_tolerances_can_be_simulated(draggy: pd.DataFrame) -> None:
 def test_the_factor_multiplies_all_tolerances(draggy: pd.DataFrame) -> None:
     ship = load_ship("frigate")
     doubled = {
-        f"tolerances.{key}": 2.0 * value for key, value in ship.tolerances if key != "numbers"
+        f"tolerances.{key}": 2.0 * value for key, value in ship.tolerances if key not in BY_NUMBER
     }
     by_file = tolerance_records(JointReplay(ship.with_values(doubled), draggy))
     by_factor = tolerance_records(JointReplay(ship, draggy), 2.0)
