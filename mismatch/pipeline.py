@@ -40,7 +40,7 @@ from .simulate.joint_replay import JointReplay
 
 
 def diagnose(
-    ship: Ship,
+    ship: Ship | Start,
     *recordings: Recorded,
     hold_out: Sequence[Recorded] = (),
     options: Options = Options(),  # noqa: B008 (immutable)
@@ -49,7 +49,7 @@ def diagnose(
     """Compare a ship with recordings of one condition of it.
 
     Args:
-        ship: the nominal ship.
+        ship: the nominal ship; or what :func:`begin` made of it, where several are diagnosed alike.
         recordings: to be fitted, together: files (CSV or Parquet), which are checked; what
             ``load_recording`` made of them; or tables with canonical columns at an even interval.
         hold_out: likewise, set aside to judge on; without any, a quarter of the longest is set aside.
@@ -66,9 +66,11 @@ def diagnose(
         OSError: a recording of the healthy period that is not there.
         ShipError: a ship that cannot be simulated.
     """
-    options.check(ship)
-    together = load_jointly(ship, recordings, hold_out, options.columns, tick)
-    return diagnose_from(begin(ship, options, tick), together, options, tick)
+    file = ship.file if isinstance(ship, Start) else ship
+    options.check(file)
+    together = load_jointly(file, recordings, hold_out, options.columns, tick)
+    start = ship if isinstance(ship, Start) else begin(ship, options, tick)
+    return _diagnosed(start, together, options, tick)
 
 
 def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:
@@ -89,20 +91,8 @@ def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:
     return calibrated(ship, healthy, options.free, options.columns, tolerance, tick)
 
 
-def diagnose_from(
-    start: Start, together: JointRecordings, options: Options, tick: Tick = silent
-) -> Diagnosis:
-    """Diagnose recordings that were read, with a ship whose numbers are as :func:`begin` has them.
-
-    Args:
-        start: the ship.
-        together: the recordings.
-        options: of the diagnosis.
-        tick: told the stage, how much is done, and how much there is.
-
-    Raises:
-        ValueError: a ship that runs away under the recorded demands.
-    """
+def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: Tick) -> Diagnosis:
+    """Recordings that were read, with a ship whose numbers are as :func:`begin` has them."""
     with threadpool_limits(1, "blas"):
         ship = start.ship
         for _ in range(MOST_ROUNDS):
