@@ -177,8 +177,8 @@ def test_wilson() -> None:
 def test_a_proof_is_resumed_sealed_and_written(tmp_path: Path, monkeypatch: Any) -> None:
     drawn = cases.draw_case
 
-    def short(seed: int, index: int) -> cases.Case:
-        return dataclasses.replace(drawn(seed, index), seconds=150.0)
+    def short(seed: int, index: int, variant: str) -> cases.Case:
+        return dataclasses.replace(drawn(seed, index, variant), seconds=150.0)
 
     monkeypatch.setattr(prove, "draw_case", short)
     calls, seals = [], []
