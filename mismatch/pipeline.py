@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -68,9 +69,17 @@ def diagnose(
     """
     file = ship.file if isinstance(ship, Start) else ship
     options.check(file)
+    if twice := {*_paths(options.calibrate)} & {*_paths((*recordings, *hold_out))}:
+        raise ValueError(
+            f"{min(twice)} is given twice: calibrate on another period than is diagnosed"
+        )
     together = load_jointly(file, recordings, hold_out, options.columns, tick)
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
     return _diagnosed(start, together, options, tick)
+
+
+def _paths(sources: Sequence[Recorded]) -> list[Path]:
+    return [Path(source).resolve() for source in sources if isinstance(source, str | Path)]
 
 
 def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:

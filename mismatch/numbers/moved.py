@@ -45,7 +45,7 @@ class MovedNumber:
         standard_error: of it; NaN where nothing is known of it.
         shifts: standard deviations, as they were known before this recording, by which it moved it.
         source: ``calibrated``, ``free`` (let move widely), or ``tolerance``.
-        carried: whether the corrected ship has the value.
+        corrected: value that the corrected ship has.
     """
 
     key: str
@@ -55,7 +55,7 @@ class MovedNumber:
     standard_error: float
     shifts: float
     source: str
-    carried: bool
+    corrected: float
 
 
 class Numbers:
@@ -154,14 +154,12 @@ class Numbers:
         found = []
         for key in dict.fromkeys((*start.calibrated, *start.free, *far)):
             file, now = number_of(start.file, key), number_of(corrected, key).value
-            own = number_of(start.ship, key).value
-            value = values.get(key, own)
+            value = values.get(key, number_of(start.ship, key).value)
             source = "calibrated" if key in start.calibrated else "tolerance"
             found.append(
                 MovedNumber(
                     key, file.info.unit, file.value, value, float(errors.get(key, np.nan)),
-                    shifts.get(key, 0.0), "free" if key in start.free else source,
-                    now == value or (now == own != file.value),
+                    shifts.get(key, 0.0), "free" if key in start.free else source, now,
                 )
             )  # fmt: skip
         return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ..numbers.moved import MovedNumber
@@ -21,7 +22,7 @@ def numbers_as_dict(diagnosis: Outcome) -> dict[str, Any]:
     return {
         n.key: {
             "file": n.file, "value": n.value, "se": n.standard_error, "moved": n.shifts,
-            "source": n.source, "corrected": n.carried,
+            "source": n.source, "corrected": n.corrected,
         }
         for n in diagnosis.numbers
     }  # fmt: skip
@@ -45,6 +46,15 @@ def wrong_words(wrong: WrongNumber) -> str:
     return f"A wrong {wrong.key} would explain it as well ({value}; the file has {file})."
 
 
+def numbers_that_explain(diagnosis: Outcome) -> str:
+    """Free numbers that were put right, as the end of a sentence; empty where none was."""
+    right = [n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file]
+    return " and ".join(
+        f"{n.key} is {measure(n.corrected, n.unit)} in place of {measure(n.file, n.unit)}"
+        for n in right
+    )
+
+
 def table_rows(diagnosis: Outcome) -> list[dict[str, str]]:
     """One row a number, for a terminal."""
     return [
@@ -52,10 +62,11 @@ def table_rows(diagnosis: Outcome) -> list[dict[str, str]]:
             "number": n.key,
             "file": f"{n.file:.5g}",
             "found": f"{n.value:.5g}",
-            "se": f"{n.standard_error:.2g}" if n.standard_error == n.standard_error else "–",
+            "se": "–" if math.isnan(n.standard_error) else f"{n.standard_error:.2g}",
             "unit": n.unit,
-            "tolerances": f"{n.shifts:+.1f}",
-            "how": _SOURCES[n.source] + ("" if n.carried else ", not carried"),
+            "moved": f"{n.shifts:+.1f}",
+            "corrected": f"{n.corrected:.5g}",
+            "how": _SOURCES[n.source],
         }
         for n in diagnosis.numbers
     ]
@@ -72,11 +83,11 @@ def page_rows(diagnosis: Outcome) -> list[dict[str, Any]]:
             "error": _error(n),
             "moved": number(n.shifts, 2),
             "how": _SOURCES[n.source],
-            "carried": "yes" if n.carried else "no",
+            "corrected": number(n.corrected, 5),
         }
         for n in diagnosis.numbers
     ]
 
 
 def _error(moved: MovedNumber) -> str:
-    return number(moved.standard_error, 2) if moved.standard_error == moved.standard_error else "–"
+    return "–" if math.isnan(moved.standard_error) else number(moved.standard_error, 2)

@@ -46,9 +46,9 @@ def summary(diagnosis: Outcome) -> str:
     if wrong:
         parts.append("Or a wrong number\n" + "\n".join(wrong))
     if diagnosis.numbers:
-        right = ("file", "found", "se", "tolerances")
+        right = ("file", "found", "se", "moved", "corrected")
         parts.append(
-            "The ship's numbers (moved by this recording, in tolerances)\n"
+            "The ship's numbers (moved by this recording: in tolerances)\n"
             + aligned(table_rows(diagnosis), right)
         )
     held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
