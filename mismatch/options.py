@@ -40,7 +40,7 @@ class Options:
         Raises:
             ValueError: an unknown id, a key that is no number of this ship or cannot move, or a
                 tolerance that is no factor.
-            OSError: a recording of the healthy period that is not there.
+            FileNotFoundError: a recording of the healthy period that is not there.
         """
         applicable(ship, (), self.exclude)
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):

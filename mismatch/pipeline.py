@@ -64,7 +64,7 @@ def diagnose(
         RecordingError: a recording or the column map cannot be used; names file, column and row.
         ValueError: no recording, recordings that do not go together, one that is given twice, an
             unknown id or key, or a ship that runs away under the recorded demands.
-        OSError: a recording of the healthy period that is not there.
+        FileNotFoundError: a recording of the healthy period that is not there.
         ShipError: a ship that cannot be simulated.
     """
     file = ship.file if isinstance(ship, Start) else ship

@@ -17,7 +17,7 @@ from .cases import TOLERANCES, Case, Concealed
 from .reality.bench import run_bench, voltage_programme
 from .reality.crew_demands import voyage
 from .reality.effects import BENCH
-from .reality.governed import bench_orders, run_bench_governed, sail_governed
+from .reality.governed import bench_orders, run_bench_governed, sail_governed, sail_held
 from .reality.instruments import read
 from .reality.numbers import Numbers
 from .reality.sail import StalledError, sail
@@ -128,7 +128,8 @@ class Scenario:
         else:
             sea = self.waves if waves else calm()
             own = numbers if waves else numbers | {"wind": 0.0}
-            truth = sail(own, self.drive, self.pitch, case.period, waves=sea,
+            way = sail_held if case.variant == CLOSED_LOOP else sail
+            truth = way(own, self.drive, self.pitch, case.period, waves=sea,
                          wind_seed=case.programme_seed)  # fmt: skip
         return read(truth, numbers, case.period, None)
 

@@ -47,7 +47,7 @@ def wrong_words(wrong: WrongNumber) -> str:
 
 
 def numbers_that_explain(diagnosis: Outcome) -> str:
-    """Free numbers that were put right, as the end of a sentence; empty where none was."""
+    """Free numbers that were put right, in words; empty where none was."""
     right = [n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file]
     return " and ".join(
         f"{n.key} is {measure(n.corrected, n.unit)} in place of {measure(n.file, n.unit)}"

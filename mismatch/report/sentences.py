@@ -46,7 +46,7 @@ def sentence(diagnosis: Outcome) -> str:
             return f"Cannot be decided, because {limits}."
         if right := numbers_that_explain(diagnosis):
             return (
-                f"Nothing is missing once the numbers are right: with {right}, the simulation differs "
+                f"Nothing is missing once the numbers are right: {right}. The simulation then differs "
                 "from the recording by no more than noise and tolerances allow."
             )
         return (

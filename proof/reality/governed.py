@@ -89,20 +89,22 @@ def _runge_kutta(
 @compiled
 def _voyage(
     ship: Any, waves: Any, table: Any, step: float, fine: int, orders: Any, noise: Any, digit: float,
-    rule: Any, first: float, start: Any, demands: Any, states: Any,
+    rule: Any, closed: bool, first: float, start: Any, demands: Any, states: Any,
 ) -> None:  # fmt: skip
-    """Fill demands and states at the samples, and the rack in the clock's table."""
+    """Fill states at the samples, the rack in the clock's table, and, in a closed loop, the demands."""
     ship = ship[0]
     y, k, out = start.copy(), np.zeros((4, len(start))), np.zeros(3)
     memory, here = first, first
     wanted = np.full(len(table), first)
     for sample in range(len(orders)):
         states[sample] = y
-        reading = y[0] + noise[sample]
-        if digit > 0.0:
-            reading = np.round(reading / digit) * digit
-        demand, memory = _rule(orders[sample] - reading, memory, rule, step * fine)
-        demands[sample] = demand
+        demand = demands[sample]
+        if closed:
+            reading = y[0] + noise[sample]
+            if digit > 0.0:
+                reading = np.round(reading / digit) * digit
+            demand, memory = _rule(orders[sample] - reading, memory, rule, step * fine)
+            demands[sample] = demand
         if sample == len(orders) - 1:
             break
         for part in range(fine):
@@ -176,16 +178,49 @@ def sail_governed(
     waves = calm() if waves is None else waves
     table = _clock_table(numbers, np.zeros(len(orders)), pitch, period, wind_seed)
     first, start = _first_rack(numbers, float(orders[0]), table)
-    ship = as_record(numbers)
     noise = encoder_noise(numbers, len(orders), seed)
     digit = ENCODER_DIGIT if numbers["rounding"] > 0.0 else 0.0
-    demands, states = np.zeros(len(orders)), np.zeros((len(orders), STATES))
+    demands, wanted = np.zeros(len(orders)), ramped(orders, RACK, period)
+    seen = (wanted, noise, digit, True)
+    return _sailed(numbers, demands, pitch, period, waves, table, seen, first, start)
+
+
+def sail_held(
+    numbers: Numbers, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
+    wind_seed: int = 0,
+) -> pd.DataFrame:  # fmt: skip
+    """What :func:`~.sail.sail` does, for demands that never rest: a governor's, given again.
+
+    Args:
+        numbers: as of :func:`sail_governed`, likewise the rest.
+        rack: demand [mm], one a sample, held over it.
+        pitch: commanded pitch ratio likewise.
+        period: between samples [s].
+        waves: calm by default.
+        wind_seed: of the slow wandering of the resistance.
+
+    Raises:
+        StalledError: the engine stops.
+    """
+    waves = calm() if waves is None else waves
+    table = _clock_table(numbers, rack, pitch, period, wind_seed)
+    start = _first_states(as_record(numbers), numbers, table)
+    seen = (rack, np.zeros(len(rack)), 0.0, False)
+    first = float(np.clip(rack[0], 0.0, numbers["rack_high"]))
+    return _sailed(numbers, rack.copy(), pitch, period, waves, table, seen, first, start)
+
+
+def _sailed(
+    numbers: Numbers, demands: Floats, pitch: Floats, period: float, waves: Waves, table: Floats,
+    seen: tuple[Floats, Floats, float, bool], first: float, start: Floats,
+) -> pd.DataFrame:  # fmt: skip
+    ship, states = as_record(numbers), np.zeros((len(demands), STATES))
     rule = (RACK.gain, RACK.reset, RACK.low, RACK.high)
-    step = period / FINE
-    wanted = ramped(orders, RACK, period)
+    orders, noise, digit, closed = seen
     _voyage(
-        ship, waves, table, step, FINE, wanted, noise, digit, rule, first, start, demands, states
-    )
+        ship, waves, table, period / FINE, FINE, orders, noise, digit, rule, closed, first, start,
+        demands, states,
+    )  # fmt: skip
     if not np.isfinite(states).all() or (states[:, 0] < STALLED).any():
         raise StalledError("the engine stops")
     return columns_of(demands, pitch, period, states, ship, waves, table)
