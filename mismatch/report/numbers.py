@@ -8,7 +8,7 @@ from typing import Any
 from ..numbers.moved import MovedNumber
 from ..numbers.wrong import WrongNumber
 from ..outcome import Outcome
-from .wording import breakable, measure, number, superscript
+from .wording import breakable, number, superscript
 
 _SOURCES = {
     "calibrated": "told by the healthy period",
@@ -42,7 +42,7 @@ def wrong_as_dict(wrong: WrongNumber | None) -> dict[str, Any] | None:
 
 def wrong_words(wrong: WrongNumber) -> str:
     """The same as a sentence."""
-    file, value = (measure(size, wrong.unit) for size in (wrong.file, wrong.value))
+    file, value = (_as_in_the_file(size, wrong.unit) for size in (wrong.file, wrong.value))
     return f"A wrong {wrong.key} would explain it as well ({value}; the file has {file})."
 
 
@@ -50,9 +50,15 @@ def numbers_that_explain(diagnosis: Outcome) -> str:
     """Free numbers that were put right, in words; empty where none was."""
     right = [n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file]
     return " and ".join(
-        f"{n.key} is {measure(n.corrected, n.unit)} in place of {measure(n.file, n.unit)}"
+        f"{n.key} is {_as_in_the_file(n.corrected, n.unit)} in place of "
+        f"{_as_in_the_file(n.file, n.unit)}"
         for n in right
     )
+
+
+def _as_in_the_file(value: float, unit: str) -> str:
+    """A number in its key's unit, without a prefix: as one would write it there."""
+    return f"{number(value, 4)} {superscript(unit)}".strip()
 
 
 def table_rows(diagnosis: Outcome) -> list[dict[str, str]]:

@@ -50,7 +50,7 @@ def test_they_stand_in_the_text() -> None:
     assert "told by the healthy period" in row
     assert (
         "coulomb-friction (engine): A wrong prime_mover.torque_offset_N_m would explain it as well "
-        "(−6.32 kN m; the file has −7.38 kN m)."
+        "(−6322 N m; the file has −7381 N m)."
     ) in said
     assert "The ship's numbers" not in diagnosis_of("explained").summary()
     assert "wrong" not in diagnosis_of("explained").summary()
@@ -68,7 +68,7 @@ def test_numbers_that_explain_are_the_answer() -> None:
     right = MovedNumber(RESISTANCE, "N s2/m2", 3306.2, 3967.0, 6.0, 0.67, "free", 3967.0)
     found = diagnosis_of("nothing-missing", numbers=[right, NUMBERS[1]])
     assert found.sentence.startswith("Nothing is missing once the numbers are right: hull.")
-    assert "in place of" in found.sentence
+    assert f"{RESISTANCE} is 3967 N s²/m² in place of 3306 N s²/m². The" in found.sentence
     assert INERTIA not in found.sentence  # the corrected ship has it as the file has
     plain = diagnosis_of("nothing-missing", numbers=NUMBERS)
     assert plain.sentence.startswith("Nothing is missing: ")
