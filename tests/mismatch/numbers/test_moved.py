@@ -62,9 +62,10 @@ def test_the_corrected_ship_carries_what_the_data_set_aside_ask_for(
 
 
 def test_no_channel_may_be_followed_worse() -> None:
+    """By a point of FitPercent here."""
     numbers = numbers_of({RESISTANCE: 1.03 * 3306.2}, 0.02)
     toy: Any = numbers.fitter.balances.replay
-    toy.recorded = toy.nominal | {"hull": toy.nominal["hull"] + 1e-3 * np.sin(HELD)}
+    toy.recorded = toy.nominal | {"hull": toy.nominal["hull"] + 20.0 * np.sin(HELD)}
     ship = numbers.carried(
         numbers.start.ship, numbers.fitter.null, lambda r: float(r["resistance_coefficient"]), HELD
     )

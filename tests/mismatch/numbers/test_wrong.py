@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from shaftline.mismatch import diagnose
+from shaftline.mismatch.numbers.wrong import wrong_numbers
 from shaftline.mismatch.report.numbers import wrong_words
 from shaftline.plant import Ship
 
+from ..toy import fitter
 from ..voyages import frigate_voyage, quick_frigate
 
 RESISTANCE = "hull.resistance_coefficient_N_s2_m2"
@@ -60,3 +65,26 @@ def test_a_number_that_the_file_knows_is_not_blamed() -> None:
     found = diagnose(sure, table)
     assert [f.effect.id for f in found.findings] == ["hull-fouling"]
     assert all(wrong is None or wrong.key not in known for wrong in found.wrong)
+
+
+@pytest.mark.parametrize(("lost", "named"), [(5.0, True), (7.0, False)])
+def test_a_number_must_come_as_near_as_another_name(lost: float, named: bool) -> None:
+    """The resistance is wrong; an effect that did a little better than it does would be told with it."""
+    toy: Any = fitter({RESISTANCE: 1.02 * 3306.2})
+    base = toy.scored(_record(toy, 1.0))
+    right = toy.scored(_record(toy, 1.02))
+    assert right.score > base.score + 20.0
+    effect = SimpleNamespace(effects=(None,), score=right.score + lost)
+    fit: Any = SimpleNamespace(fit=effect, gains=(right.score + lost - base.score,))
+    (wrong,) = wrong_numbers(toy, fit)
+    assert (wrong is not None) == named
+    if wrong is not None:
+        assert wrong.key == RESISTANCE
+        assert wrong.value == pytest.approx(1.02 * 3306.2, rel=0.005)
+        assert wrong.gain == pytest.approx(right.score - base.score, abs=1.0)
+
+
+def _record(toy: Any, factor: float) -> Any:
+    plant = toy.trial_ship.record(())
+    plant["resistance_coefficient"] *= factor
+    return plant
