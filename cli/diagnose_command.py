@@ -64,6 +64,23 @@ def diagnose(
             "2 for a ship file that was guessed.",
         ),
     ] = 1.0,
+    calibrate: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Recording of a period in which the ship was healthy: its numbers are found there "
+            "first, and what differs now is not blamed on them; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    free: Annotated[
+        str,
+        typer.Option(
+            help="Keys of the ship's file, with commas between. With --calibrate, the numbers to find "
+            "there; without, numbers that may be far off (30 %) and move beside the effects.",
+            metavar="KEY,KEY",
+            show_default="with --calibrate those that it tells, without none",
+        ),
+    ] = "",
     jobs: Annotated[
         int | None,
         typer.Option(
@@ -104,6 +121,12 @@ def diagnose(
     `ship_speed_m_s`, `pitch_ratio`; see docs/recordings.md. Ten samples a second over 20 minutes with
     steps of rack and pitch is good.
 
+    A wrong number looks like missing physics. So the report tells which numbers moved inside their
+    tolerances, and whether a wrong one would explain the difference as well as the effect that is
+    named. Better is to settle it: `--calibrate` finds the numbers where nothing was wrong yet, with
+    their errors, and `--free` lets those move that you do not trust. What they take up is then not
+    called physics: a free resistance takes up fouling.
+
     A FOLDER's recordings each get a folder in DIR, and `index.html` lists them, worst first. Bad ones
     are listed with their error and do not stop the rest. What is finished is not done again.
 
@@ -114,12 +137,18 @@ def diagnose(
 
         shaftline diagnose run1.csv run2.csv --hold-out run3.csv --ship mine.toml --out out/runs
 
+        shaftline diagnose june.csv --calibrate sea-trial.csv --ship mine.toml --out out/june
+
+        shaftline diagnose log.csv --free hull.resistance_coefficient_N_s2_m2 --ship mine.toml
+            --out out/log
+
         shaftline diagnose trials/ --ship frigate --out out/trials --jobs 8
     """
     with clear_errors():
         check_folder(out)
         vessel = load_ship(ship)
-        options = Options(columns, tuple(exclude or ()), tolerance)
+        keys = tuple(key.strip() for key in free.split(",") if key.strip())
+        options = Options(columns, tuple(exclude or ()), tolerance, tuple(calibrate or ()), keys)
         options.check(vessel)
         folders = [path for path in recordings if path.is_dir()]
         if folders:

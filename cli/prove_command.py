@@ -18,6 +18,7 @@ from ..proof.cases import draw_case, sealed
 from ..proof.prove import Diagnose, case_folder, run_case, scores, write_page
 from ..proof.recording import make
 from ..proof.rivals import sindy, stepwise_bic
+from ..proof.variants import PLAIN, VARIANTS
 from .console import clear_errors, print_table, progress, say
 
 
@@ -35,6 +36,12 @@ def prove(
         bool,
         typer.Option("--sindy", help="Also PySINDy beside it (`pip install 'shaftline[sindy]'`)."),
     ] = False,
+    variant: Annotated[
+        str,
+        typer.Option(
+            help="How the recordings are: " + ", ".join(VARIANTS) + ".", metavar="VARIANT"
+        ),
+    ] = PLAIN,
     reports: Annotated[
         bool, typer.Option("--reports", help="Also write each case's report.html.")
     ] = False,
@@ -52,6 +59,12 @@ def prove(
     sees any recording. Then each is diagnosed from the recording alone, opened and scored, beside a
     stepwise regression by the Bayesian information criterion, which is the plain way to do it.
 
+    Variants meet the same cases as recordings of real ships are. realistic: the file's inertia and
+    friction are off by 10 %, resistance, KT and KQ by 5 %, and a healthy record of the same ship is
+    there to calibrate on. 1-hz: a log of one row a second. 100-hz: a hundred rows, unfiltered.
+    one-missing: a channel was not recorded. closed-loop: a governor gives the demands by what the
+    encoder shows. The stepwise regression stands beside the plain proof only.
+
     Written: `proof.md` with every figure beside its target, its tables as CSV, and a folder a case
     with recording, seal, reports, truth and score. Finished cases are kept: a proof that was
     interrupted goes on where it stopped, and a larger N adds cases.
@@ -59,16 +72,25 @@ def prove(
     Examples:
         shaftline prove --cases 20 --seed 1 --out out/prove
 
+        shaftline prove --cases 40 --seed 7 --variant realistic --out out/prove-realistic
+
         shaftline prove --cases 200 --seed 7 --sindy --out out/prove-7
     """
     with clear_errors():
-        beside: dict[str, Diagnose] = {"stepwise-bic": stepwise_bic.diagnose}
+        if variant not in VARIANTS:
+            known = ", ".join(VARIANTS)
+            raise ValueError(f"--variant {variant}: no such variant; known: {known}")
+        if with_sindy and variant != PLAIN:
+            raise ValueError("--sindy: other methods are compared with in the plain proof only")
+        beside: dict[str, Diagnose] = {}
+        if variant == PLAIN:
+            beside["stepwise-bic"] = stepwise_bic.diagnose
         if with_sindy:
             if importlib.util.find_spec("pysindy") is None:
                 raise ValueError("--sindy: needs an extra, `pip install 'shaftline[sindy]'`")
             beside["pysindy"] = sindy.diagnose
-        _same_proof(out, seed, list(beside))
-        names = {f"{seed}-{i:04d}": (seed, i) for i in range(cases)}
+        _same_proof(out, seed, variant, list(beside))
+        names = {f"{seed}-{i:04d}": (seed, i, variant) for i in range(cases)}
         with progress("sealing", cases) as tick:
             work = functools.partial(_seal, out)
             seals = sweep(work, names, out / "cells" / "seals", jobs=jobs, tick=tick)
@@ -83,16 +105,19 @@ def prove(
         tables = scores(out)
         finished = len(list(out.glob("case-*/score.json")))
         more = " --sindy" if with_sindy else ""
-        page = write_page(tables, out, f"shaftline prove --cases {finished} --seed {seed}{more}")
+        more += f" --variant {variant}" if variant != PLAIN else ""
+        command = f"shaftline prove --cases {finished} --seed {seed}{more}"
+        page = write_page(tables, out, command, variant)
         print_table(tables["summary"], f"{finished} cases of seed {seed}", digits=3)
         say(f"page: {page}   cases: {out / 'case-*'}")
 
 
-def _same_proof(out: Path, seed: int, beside: list[str]) -> None:
-    """Refuse to mix cases of two seeds, of two sets of tools or of two versions of them."""
+def _same_proof(out: Path, seed: int, variant: str, beside: list[str]) -> None:
+    """Refuse to mix cases of two seeds or variants, of two sets of tools or of two versions of them."""
     note = out / "cells" / "proof.json"
     mine = {
         "seed": seed,
+        "variant": variant,
         "beside": beside,
         "version": source_digest("core", "plant", "mismatch", "proof"),
     }
@@ -102,7 +127,7 @@ def _same_proof(out: Path, seed: int, beside: list[str]) -> None:
     write_json(note, mine)
 
 
-def _seal(out: Path, cell: tuple[int, int]) -> str:
+def _seal(out: Path, cell: tuple[int, int, str]) -> str:
     """Make a case's truth, and leave its seal where the diagnosis will look for it."""
     case = draw_case(*cell)
     seal = sealed(make(case).truth)
@@ -111,7 +136,7 @@ def _seal(out: Path, cell: tuple[int, int]) -> str:
 
 
 def _run(
-    out: Path, beside: dict[str, Diagnose], reports: bool, cell: tuple[int, int]
+    out: Path, beside: dict[str, Diagnose], reports: bool, cell: tuple[int, int, str]
 ) -> list[dict[str, Any]]:
     """Diagnose, open and score a case, whose truth must still be the one that was sealed."""
     tool = functools.partial(_tool, reports)
@@ -119,9 +144,15 @@ def _run(
 
 
 def _tool(
-    page: bool, recording: Path, ship: str, folder: Path, exclude: tuple[str, ...]
+    page: bool,
+    recording: Path,
+    ship: str,
+    folder: Path,
+    exclude: tuple[str, ...],
+    healthy: Path | None = None,
 ) -> dict[str, Any]:
-    """The tool under test: what ``shaftline diagnose`` does with the recording alone."""
-    diagnosis = diagnose(load_ship(ship), recording, options=Options(exclude=exclude))
+    """The tool under test: what ``shaftline diagnose`` does with the recording alone, or calibrated."""
+    options = Options(exclude=exclude, calibrate=() if healthy is None else (healthy,))
+    diagnosis = diagnose(load_ship(ship), recording, options=options)
     diagnosis.save(folder, page=page)
     return diagnosis.to_dict()

@@ -20,8 +20,9 @@ from ..core.sweep import source_digest, sweep
 from ..plant.recording import read_table
 from ..plant.ship import Ship
 from .diagnosis import SHIP
+from .numbers.start import Start
 from .options import Options
-from .pipeline import diagnose
+from .pipeline import begin, diagnose
 from .recordings.columns import DATE_TIME, load_map
 from .report.files import PAGE, REPORT
 from .report.index import DiagnosisIndex, row_of
@@ -75,7 +76,8 @@ def diagnose_folder(
         folder: CSV and Parquet files; folders within are left alone.
         ship: the nominal ship of all.
         out: gets a folder a recording, ``index.html`` and ``index.csv``.
-        options: column map, ids to leave out, tolerance.
+        options: column map, ids to leave out, tolerance; a healthy period, on which the ship is
+            calibrated once, numbers that are free.
         jobs: see :func:`shaftline.core.sweep.sweep`, as for the backend and the scheduler.
         backend: ``processes`` or ``dask``.
         scheduler: address of a dask scheduler.
@@ -97,7 +99,8 @@ def diagnose_folder(
     if options.columns is not None:
         load_map(options.columns)
     files = recordings_in(folder)
-    names = {place: _name(place, path, ship, options) for place, path in files.items()}
+    start = begin(ship, options)
+    names = {place: _name(place, path, start, options) for place, path in files.items()}
     travels = backend == "dask"
     cells = {names[place]: _cell(path, options, travels) for place, path in files.items()}
     waiting = dict(names)
@@ -115,7 +118,7 @@ def diagnose_folder(
         lay_out()
         tick()
 
-    work = functools.partial(_work, ship, options)
+    work = functools.partial(_work, start, replace(options, calibrate=()))
     try:
         sweep(
             work, cells, out / "cells",
@@ -132,10 +135,10 @@ def diagnose_folder(
     return DiagnosisIndex.of(rows.values())
 
 
-def _name(place: str, path: Path, ship: Ship, options: Options) -> str:
+def _name(place: str, path: Path, start: Start, options: Options) -> str:
     """File name of a cell; differs where the recording, the ship, an option or the tool differs."""
     digest = hashlib.sha256(path.read_bytes())
-    said = [repr(ship), repr(sorted(options.exclude)), repr(options.tolerance)]
+    said = [repr(start), repr(sorted(options.exclude)), repr(options.tolerance)]
     if options.columns is not None:
         said.append(options.columns.read_text(encoding="utf-8"))
     for text in (*said, source_digest("core", "plant", "mismatch")):
@@ -151,7 +154,7 @@ def _cell(path: Path, options: Options, travels: bool) -> _Cell:
     return _Cell(path, path.read_bytes(), columns)
 
 
-def _work(ship: Ship, options: Options, cell: _Cell) -> dict[str, Any]:
+def _work(start: Ship | Start, options: Options, cell: _Cell) -> dict[str, Any]:
     """The files of a diagnosis as text, or the error of a recording that cannot be used."""
     with tempfile.TemporaryDirectory() as name:
         place, path = Path(name), cell.path
@@ -162,7 +165,7 @@ def _work(ship: Ship, options: Options, cell: _Cell) -> dict[str, Any]:
             options = replace(options, columns=place / "map.toml")
             (place / "map.toml").write_text(cell.columns, encoding="utf-8")
         try:
-            diagnosis = diagnose(ship, path, options=options)
+            diagnosis = diagnose(start, path, options=options)
         except (ValueError, OSError) as error:  # written for the reader
             return {"error": str(error).replace(str(path), path.name)}
         diagnosis.save(place / "results")

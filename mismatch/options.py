@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..plant.ship import Ship
+from .numbers.start import check_free
+from .recordings.joint import Recorded
 from .search.catalogue import OUTSIDE, Effect, applicable
 from .search.entries import read_entries
 
@@ -22,11 +24,16 @@ class Options:
         exclude: ids of the catalogue to leave out.
         tolerance: factor on the tolerances of the ship's numbers [-].
         effects: files with effects of one's own (:mod:`.search.entries`), tried with the catalogue's.
+        calibrate: recordings of a healthy period, on which the ship's numbers are found first.
+        free: dotted keys of the numbers that are found on them, or, without any such recording, that
+            move widely beside the effects; without any key, a healthy period tells what it can.
     """
 
     columns: Path | None = None
     exclude: tuple[str, ...] = ()
     tolerance: float = 1.0
+    calibrate: tuple[Recorded, ...] = ()
+    free: tuple[str, ...] = ()
     effects: tuple[Path, ...] = ()
 
     @functools.cached_property
@@ -76,8 +83,14 @@ class Options:
             ship: the nominal ship.
 
         Raises:
-            ValueError: an unknown id, or a tolerance that is no factor.
+            ValueError: an unknown id, a key that is no number of this ship or cannot move, or a
+                tolerance that is no factor.
+            FileNotFoundError: a recording of the healthy period that is not there.
         """
         applicable(ship, (), self.exclude, self.own_effects)
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):
             raise ValueError(f"tolerance {self.tolerance:g}: a factor of at least 0 is needed")
+        check_free(ship, self.free, bool(self.calibrate))
+        for source in self.calibrate:
+            if isinstance(source, str | Path) and not Path(source).is_file():
+                raise FileNotFoundError(f"{source}: no such recording to calibrate on")

@@ -11,6 +11,8 @@ from ..plant.ship import Ship
 from .judge.findings import Detectable, Finding
 from .judge.shapes import Shape
 from .judge.whiteness import Colour
+from .numbers.moved import MovedNumber
+from .numbers.wrong import WrongNumber
 from .search.placed import Window
 from .search.selection import Candidate
 
@@ -47,6 +49,8 @@ class Outcome:
         excited: whether the demands move enough to tell effects apart.
         limits: why the recording may not decide.
         warnings: what was noticed about the recording.
+        numbers: of the ship that were calibrated or free, or that the recording moved far.
+        wrong: of each finding: the number of the ship's file that would explain it as well, or None.
     """
 
     verdict: str
@@ -75,3 +79,5 @@ class Outcome:
     excited: bool
     limits: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    numbers: list[MovedNumber] = field(default_factory=list)
+    wrong: list[WrongNumber | None] = field(default_factory=list)

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -24,6 +26,10 @@ from .judge.location import active_windows, change_points, regime, windows_betwe
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_of
 from .judge.verdict import EXPLAINED, UNEXPLAINED, verdict_of
 from .judge.whiteness import Whiteness
+from .numbers.calibration import calibrated
+from .numbers.moved import MOST_ROUNDS, Numbers
+from .numbers.start import Start, widened
+from .numbers.wrong import wrong_numbers
 from .options import Options
 from .progress import Tick, silent
 from .recordings.joint import JointRecordings, Recorded, load_jointly
@@ -36,7 +42,7 @@ from .simulate.joint_replay import JointReplay
 
 
 def diagnose(
-    ship: Ship,
+    ship: Ship | Start,
     *recordings: Recorded,
     hold_out: Sequence[Recorded] = (),
     options: Options = Options(),  # noqa: B008 (immutable)
@@ -45,11 +51,11 @@ def diagnose(
     """Compare a ship with recordings of one condition of it.
 
     Args:
-        ship: the nominal ship.
+        ship: the nominal ship; or what :func:`begin` made of it, where several are diagnosed alike.
         recordings: to be fitted, together: files (CSV or Parquet), which are checked; what
             ``load_recording`` made of them; or tables with canonical columns at an even interval.
         hold_out: likewise, set aside to judge on; without any, a quarter of the longest is set aside.
-        options: column map, ids to leave out, tolerance.
+        options: column map, ids to leave out, tolerance; a healthy period, numbers that are free.
         tick: told the stage, how much is done, and how much there is.
 
     Returns:
@@ -58,22 +64,62 @@ def diagnose(
     Raises:
         RecordingError: a recording or the column map cannot be used; names file, column and row.
         ValueError: no recording, recordings that do not go together, one that is given twice, an
-            unknown id, or a ship that runs away under the recorded demands.
+            unknown id or key, or a ship that runs away under the recorded demands.
+        FileNotFoundError: a recording of the healthy period that is not there.
         ShipError: a ship that cannot be simulated.
     """
-    options.check(ship)
-    together = load_jointly(ship, recordings, hold_out, options.columns, tick, options.signals)
-    ship = options.hearing(ship, together.signals)
+    file = ship.file if isinstance(ship, Start) else ship
+    options.check(file)
+    if twice := {*_paths(options.calibrate)} & {*_paths((*recordings, *hold_out))}:
+        raise ValueError(
+            f"{min(twice)} is given twice: calibrate on another period than is diagnosed"
+        )
+    together = load_jointly(file, recordings, hold_out, options.columns, tick, options.signals)
+    start = ship if isinstance(ship, Start) else begin(ship, options, tick)
+    return _diagnosed(start, together, options, tick)
+
+
+def _paths(sources: Sequence[Recorded]) -> list[Path]:
+    return [Path(source).resolve() for source in sources if isinstance(source, str | Path)]
+
+
+def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:
+    """The ship with which a diagnosis begins: calibrated on a healthy period, or with numbers free.
+
+    Args:
+        ship: the nominal ship.
+        options: of the diagnosis.
+        tick: told the stage, how much is done, and how much there is.
+
+    Raises:
+        RecordingError: a recording of the healthy period cannot be used; names file, column and row.
+        ValueError: recordings that do not go together, or a ship that runs away under their demands.
+    """
+    if not options.calibrate:
+        return widened(ship, options.free)
+    healthy, tolerance = options.calibrate, options.tolerance
+    return calibrated(ship, healthy, options.free, options.columns, tolerance, tick)
+
+
+def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: Tick) -> Diagnosis:
+    """Recordings that were read, with a ship whose numbers are as :func:`begin` has them."""
     with threadpool_limits(1, "blas"):
-        replay = JointReplay(ship, *together.tables)
-        balances = Balances(replay)
-        whiteness, held = _parted(balances, together.held_out, options.tolerance)
+        start = replace(start, ship=options.hearing(start.ship, together.signals))
+        ship = start.ship
+        for _ in range(MOST_ROUNDS):
+            balances = Balances(JointReplay(ship, *together.tables))
+            whiteness, held = _parted(balances, together.held_out, options.tolerance)
+            numbers = Numbers(start, whiteness.fitter)
+            nearer = numbers.relinearised() if start.free else None
+            if nearer is None:
+                break
+            ship = nearer
         columns = set(together.tables[0].columns)
         effects = applicable(ship, columns, options.exclude, options.own_effects)
         selector = Selector(whiteness.fitter, effects, _episodes(balances), tick)
         selection = selector.search()
         tick("judging on the data set aside", 0, 1)
-        diagnosis = _judged(selection, selector, whiteness, held, together)
+        diagnosis = _judged(selection, selector, whiteness, held, together, numbers)
         tick("judging on the data set aside", 1, 1)
         return diagnosis
 
@@ -105,22 +151,28 @@ def _judged(
     whiteness: Whiteness,
     held: Segments,
     together: JointRecordings,
+    numbers: Numbers,
 ) -> Diagnosis:
     """What the search has found, judged on the data set aside and located."""
     fitter = selector.fitter
     balances, replay = fitter.balances, fitter.balances.replay
     measured = replay.recorded
-    lacking = balances.lacking(balances.nominal)
+    lacking = balances.lacking(balances.nominal)  # with the free numbers where they are
     judge = held_out_judge(fitter, held)
     selection = confirmed(selection, fitter, judge)
     fit = selection.fit
-    nominal = judge(fitter.trial_ship.nominal)
-    gain = judge(fitter.trial_ship.record(fit.effects)) - nominal
+    rows = np.concatenate([np.arange(a, b) for a, b in held])
+    ship = numbers.start.ship
+    nominal = judge(ship.record())
+    corrected = numbers.carried(fitter.trial_ship.corrected(fit.effects), fit, judge, rows)
+    gain = judge(corrected.record()) - nominal
     verdict = verdict_of(selection, whiteness, gain, replay.excited)
     explained = verdict.name == EXPLAINED
     misfit = math.sqrt(max(1.0 - verdict.explained, 0.0))
     findings = findings_of(fitter, selection, lacking, misfit) if explained else []
-    corrected = fitter.trial_ship.corrected(fit.effects if explained else ())
+    if not explained:
+        corrected = numbers.carried(fitter.trial_ship.ship, fitter.null, judge, rows)
+        gain = judge(corrected.record()) - nominal
     shape: Shape | None = None
     windows: list[Window] = []
     where = ""
@@ -129,17 +181,16 @@ def _judged(
         shape = shape_to_show(shapes, balances, verdict.colour or verdict.left_over)
     if shape is not None:
         windows, where = _located(shape, fitter)
-    if not explained:
-        gain = 0.0
     term = None if shape is None else term_of(shape, corrected)
     if term is not None:
         shaped = corrected.with_term(term)
         brought = judge(shaped.record()) - nominal
-        if brought > 0.0:  # a shape that does not hold on data set aside is shown, not used
+        if brought > max(
+            gain, 0.0
+        ):  # a shape that does not hold on data set aside is shown, not used
             corrected, gain = shaped, brought
-    after = replay.simulated(replay.simulate(corrected.record()))
-    rows = np.concatenate([np.arange(a, b) for a, b in held])
-    fit_before = fits(measured, balances.nominal, rows)
+    before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
+    fit_before = fits(measured, before, rows)
     constant = [
         f"{column} is constant on the part set aside: no FitPercent"
         for column in measured
@@ -148,16 +199,16 @@ def _judged(
     interval = replay.interval_s
     return Diagnosis(
         verdict=verdict.name,
-        ship=replay.ship,
+        ship=ship,
         corrected=corrected,
         time_s=replay.time_s,
         held_out=[(a * interval, b * interval) for a, b in held],
         drive=replay.drive_rows,
         measured=measured,
-        before=balances.nominal,
+        before=before,
         after=after,
         balances=list(zip(balances.names, balances.units, strict=True)),
-        residual_before=lacking,
+        residual_before=balances.lacking(before),
         residual_after=balances.lacking(after),
         findings=findings,
         shape=shape,
@@ -175,7 +226,9 @@ def _judged(
         held_out_gain=float(gain),
         excited=replay.excited,
         limits=together.limits,
-        warnings=together.warnings + constant,
+        warnings=together.warnings + constant + list(numbers.start.remarks),
+        numbers=numbers.told(fit if explained else fitter.null, corrected),
+        wrong=wrong_numbers(fitter, selection) if explained else [],
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic.fields import FieldInfo
 
 from .keys import Section
@@ -59,10 +59,36 @@ class Tolerances(Section):
         description="standard deviation of any number, by its dotted key and in its unit; "
         "in place of what the others say of it",
     )
+    correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = Field(
+        default={},
+        description="correlation of the errors of two of `numbers`, by the dotted key of one and then "
+        "of the other; 0 where it does not stand",
+    )
+
+    @model_validator(mode="after")
+    def _known_together(self) -> Tolerances:
+        for first, others in self.correlations.items():
+            for key in (first, *others):
+                if key not in self.numbers:
+                    raise ValueError(
+                        f"correlations speak of {key}, which has no standard deviation in numbers"
+                    )
+        return self
 
     def __hash__(self) -> int:
         """Of its values: ships are remembered by what stands in them."""
-        return hash((*self.model_dump(exclude={"numbers"}).values(), *self.numbers.items()))
+        plain = self.model_dump(exclude={"numbers", "correlations"}).values()
+        pairs = (
+            (a, b, one) for a, others in self.correlations.items() for b, one in others.items()
+        )
+        return hash((*plain, *self.numbers.items(), *pairs))
+
+    def correlation(self, first: str, second: str) -> float:
+        """Of the errors of two numbers, by their dotted keys."""
+        if first == second:
+            return 1.0
+        one = self.correlations.get(first, {}).get(second, 0.0)
+        return one or self.correlations.get(second, {}).get(first, 0.0)
 
 
 def spoken_of(info: FieldInfo) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from .reality.bench import CALM_PROGRAMME, PROGRAMMES
 from .reality.crew_demands import DULL, LIVELY
 from .reality.effects import BENCH, BY_KEY, CONFOUNDED, EFFECTS, FRIGATE, UNKNOWN, TrueEffect
 from .reality.numbers import Numbers
+from .variants import PLAIN, varied
 
 BLOCK = (
     ("single",) * 8 + ("two",) * 2 + ("ablated",) * 2 + ("null-calm",) * 2 + ("null-waves",) * 2
@@ -67,6 +68,13 @@ class Case:
     instruments: Numbers
     factors: Numbers  # of the true ship's numbers on its file's
     columns: tuple[str, ...]  # optional ones that are recorded
+    variant: str = PLAIN
+    off: Numbers = field(
+        default_factory=dict
+    )  # factors of the true ship on a file that is not right
+    missing: str = ""  # column that is not recorded
+    healthy_programme: str = ""  # of a healthy record, where one is given
+    healthy_seed: int = 0
 
 
 def _order(seed: int, label: str, count: int, turn: int) -> list[int]:
@@ -152,8 +160,19 @@ def _programme(kind: str, ship: str, effects: list[TrueEffect], rng: Generator) 
     return str(rng.choice(allowed))
 
 
-def draw_case(seed: int, index: int) -> Case:
-    """Draw one case; the same seed and index always give the same."""
+def draw_case(seed: int, index: int, variant: str = PLAIN) -> Case:
+    """Draw one case; the same seed, index and variant always give the same.
+
+    Args:
+        seed: of the proof.
+        index: of the case.
+        variant: of :data:`.variants.VARIANTS`.
+    """
+    case = _plain(seed, index)
+    return case if variant == PLAIN else varied(case, variant)
+
+
+def _plain(seed: int, index: int) -> Case:
     kind, number = case_kind(seed, index)
     rng = np.random.default_rng([seed, index, 20])
     effects = _effects(seed, kind, number)

@@ -19,14 +19,16 @@ import pandas as pd
 from ..core.files import write_atomically, write_json, write_text
 from ..display.tables import markdown
 from .cases import Case, draw_case, sealed
-from .reality.bench import SHIP_FILE
-from .reality.effects import BENCH
 from .recording import Reality, make
 from .scoring import score, table_of
 from .summary import confusion, draw_confusion, tables_of
+from .variants import PLAIN, VARIANTS, file_text
 
-Diagnose = Callable[[Path, str, Path, tuple[str, ...]], Mapping[str, Any]]
-"""(recording, ship, folder for results, ids to be left out of the catalogue) -> ``report.json``."""
+Diagnose = Callable[..., Mapping[str, Any]]
+"""(recording, ship, folder for results, ids to be left out of the catalogue) -> ``report.json``; where
+there is a healthy record, it is handed over by name, as ``healthy``."""
+
+HEALTHY = "healthy.csv"
 
 TOOL = "shaftline"
 
@@ -44,7 +46,8 @@ def _report(name: str, diagnose: Diagnose, place: Path, ship: str, case: Case) -
         return kept
     begin = time.perf_counter()
     try:
-        report = dict(diagnose(place / "recording.csv", ship, place / name, case.exclude))
+        given = {"healthy": place / HEALTHY} if case.healthy_programme else {}
+        report = dict(diagnose(place / "recording.csv", ship, place / name, case.exclude, **given))
     except Exception as error:  # whatever a tool under test may raise is one of its results
         report = {"verdict": "failed", "error": f"{type(error).__name__}: {error}"}
     # numbers that are not finite count as absent
@@ -58,10 +61,12 @@ def _report(name: str, diagnose: Diagnose, place: Path, ship: str, case: Case) -
 
 def _lay_out(case: Case, reality: Reality, place: Path) -> tuple[str, str]:
     """Write what a tool may see; gives the ship and the seal."""
-    ship = case.ship
-    if case.ship == BENCH:
+    ship, text = case.ship, file_text(case)
+    if text is not None:
         ship = str(place / "ship.toml")
-        write_text(place / "ship.toml", SHIP_FILE)
+        write_text(place / "ship.toml", text)
+    if (healthy := reality.healthy) is not None:
+        write_atomically(place / HEALTHY, lambda file: healthy.to_csv(file, index=False))
     seal = sealed(reality.truth)
     write_text(place / "sealed.sha256", seal + "\n")
     write_atomically(
@@ -126,6 +131,7 @@ def prove(
     folder: Path,
     diagnose: Diagnose,
     *,
+    variant: str = PLAIN,
     beside: Mapping[str, Diagnose] | None = None,
     announce: Callable[[Case, str], object] | None = None,
     progress: Callable[[list[dict[str, Any]]], object] | None = None,
@@ -137,6 +143,7 @@ def prove(
         seed: decides every case.
         folder: for the cases and the page.
         diagnose: the tool under test.
+        variant: how the recordings are; of :data:`.variants.VARIANTS`.
         beside: other tools by name.
         announce: called with each case's seal before any tool sees its recording.
         progress: called with each finished case's rows.
@@ -145,11 +152,11 @@ def prove(
         The tables of :func:`scores`.
     """
     for index in range(cases) if isinstance(cases, int) else cases:
-        rows = run_case(draw_case(seed, index), folder, diagnose, beside, announce)
+        rows = run_case(draw_case(seed, index, variant), folder, diagnose, beside, announce)
         if progress is not None:
             progress(rows)
     tables = scores(folder)
-    write_page(tables, folder)
+    write_page(tables, folder, variant=variant)
     return tables
 
 
@@ -172,7 +179,10 @@ def scores(folder: Path) -> dict[str, pd.DataFrame]:
 
 
 def write_page(
-    tables: dict[str, pd.DataFrame], folder: Path, command: str = "shaftline prove"
+    tables: dict[str, pd.DataFrame],
+    folder: Path,
+    command: str = "shaftline prove",
+    variant: str = PLAIN,
 ) -> Path:
     """Write ``proof.md`` with every table, ``proof-*.csv``, and the figure of the confusions."""
     titles = {
@@ -184,6 +194,8 @@ def write_page(
     }
     count = tables["cases"]["index"].nunique()
     parts = ["# Proof on concealed data", f"{count} cases, made by `{command}`.", PREFACE]
+    if variant != PLAIN:
+        parts.insert(2, f"Variant `{variant}`: {VARIANTS[variant]}.")
     for name, title in titles.items():
         table = tables[name]
         write_atomically(

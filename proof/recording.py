@@ -11,6 +11,7 @@ from .cases import Case, Concealed, truth_of
 from .equivalents import equivalent
 from .reality.numbers import Numbers
 from .scenario import Scenario, with_effect
+from .variants import healthy_of
 
 LEAST = (
     0.15  # strength below which another programme is drawn, since this one does not show the effect
@@ -30,6 +31,7 @@ class Reality:
     truth: Any
     without: pd.DataFrame  # the true ship without its effects, calm, perfect instruments
     concealed: pd.DataFrame  # with them, calm, as faulty instruments read it without noise
+    healthy: pd.DataFrame | None = None  # a recording of the same ship without effects
 
 
 @dataclass
@@ -77,7 +79,6 @@ def _conceal(scenario: Scenario) -> _Found:
 
 def _recorded(found: _Found) -> Reality:
     scenario, case, sailed = found.scenario, found.scenario.case, found.sailed
-    wavy = case.wave_height > 0.0
     notes = {
         "channels": found.channels,
         "beyond_tolerances": found.beyond,
@@ -85,14 +86,33 @@ def _recorded(found: _Found) -> Reality:
         "equivalents": {c.key: equivalent(c.effect, found.numbers, sailed) for c in case.effects},
         "residual_rms": scenario.residual_rms,
     }
-    kept = [c for c in sailed if c not in OPTIONAL or c in case.columns]
-    recording = scenario.noisy(sailed)[kept].round({c: _DIGITS[c] for c in kept})
+    aboard, readings = scenario.logged(found.numbers, sailed)
+    without, concealed = scenario.calm_run, sailed
+    if aboard is not scenario:
+        without = aboard.sail(scenario.true, waves=False)
+    if aboard is not scenario or case.wave_height > 0.0:
+        concealed = aboard.sail(found.numbers, waves=False)
+    rows = aboard.kept_rows
+    healthy = healthy_of(case)
     return Reality(
-        recording,
+        _file(case, readings[rows]),
         truth_of(case, found.sizes, found.ratios, notes),
-        without=scenario.calm_run,
-        concealed=scenario.sail(found.numbers, waves=False) if wavy else sailed,
+        without=without[rows].reset_index(drop=True),
+        concealed=concealed[rows].reset_index(drop=True),
+        healthy=None if healthy is None else _healthy(healthy),
     )
+
+
+def _healthy(case: Case) -> pd.DataFrame:
+    """A recording without effects."""
+    scenario = Scenario(case)
+    return _file(case, scenario.noisy(scenario.base))
+
+
+def _file(case: Case, readings: pd.DataFrame) -> pd.DataFrame:
+    """What stands in a recording's file: its columns, in the digits of a logger."""
+    kept = [c for c in readings if c not in OPTIONAL or c in case.columns]
+    return readings[kept].round({c: _DIGITS[c] for c in kept}).reset_index(drop=True)
 
 
 def _window(case: Case, numbers: Numbers, concealed: Concealed) -> list[float] | None:

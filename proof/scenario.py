@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -12,13 +14,15 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from .cases import TOLERANCES, Case, Concealed
-from .reality.bench import bench_numbers, run_bench, voltage_programme
+from .reality.bench import run_bench, voltage_programme
 from .reality.crew_demands import voyage
 from .reality.effects import BENCH
+from .reality.governed import bench_orders, run_bench_governed, sail_governed, sail_held
 from .reality.instruments import read
-from .reality.numbers import Numbers, frigate_numbers
+from .reality.numbers import Numbers
 from .reality.sail import StalledError, sail
 from .reality.water import calm, head_sea
+from .variants import CLOSED_LOOP, LOGGED_S, calibrated_numbers, true_numbers
 
 CHANNELS = (
     "pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "motor_current_A",
@@ -45,21 +49,76 @@ class Scenario:
     def __init__(self, case: Case) -> None:
         self.case = case
         rng = np.random.default_rng(case.programme_seed)
-        bench = case.ship == BENCH
-        if bench:
-            self.drive = voltage_programme(case.programme, case.seconds, case.period, rng)
-            self.nominal = bench_numbers()
-            self.true = bench_numbers(**case.factors)
-        else:
-            self.drive, self.pitch = voyage(case.programme, case.seconds, case.period, rng)
-            self.nominal = frigate_numbers()
-            self.true = frigate_numbers(**case.factors)
-        self.true |= case.instruments
+        governed = case.variant == CLOSED_LOOP
+        self.nominal, self.true = calibrated_numbers(case), true_numbers(case) | case.instruments
         self.waves = calm()
+        if case.ship == BENCH:
+            self.drive = voltage_programme(case.programme, case.seconds, case.period, rng)
+            self.orders = bench_orders(self.drive)
+        else:
+            drawn = voyage(case.programme, case.seconds, case.period, rng, governed)
+            self.drive, self.pitch = drawn
+            self.orders = drawn[0]
         if case.wave_height > 0.0:
             depth = self.nominal["depth"]
             self.waves = head_sea(case.wave_height, case.wave_period, depth, case.programme_seed)
             self.true["wind"] = WIND
+        if governed:  # effects are sized under the demands that the governor gives without them
+            self.drive = self._governed(self.true)[1]
+
+    def _governed(self, numbers: Numbers) -> tuple[pd.DataFrame, NDArray[np.float64]]:
+        """Readings without noise under the governor, and the demands that it gave."""
+        case = self.case
+        if case.ship == BENCH:
+            truth = run_bench_governed(numbers, self.orders, case.period, case.noise_seed)
+        else:
+            truth = sail_governed(
+                numbers, self.orders, self.pitch, case.period, case.noise_seed, waves=self.waves,
+                wind_seed=case.programme_seed,
+            )  # fmt: skip
+        demand = truth["motor_voltage_V" if case.ship == BENCH else "fuel_rack_mm"].to_numpy()
+        return read(truth, numbers, case.period, None), demand
+
+    def logged(self, numbers: Numbers, sailed: pd.DataFrame) -> tuple[Scenario, pd.DataFrame]:
+        """What the recording is made of: the scenario at its rows and demands, and its readings.
+
+        Args:
+            numbers: of the true ship, with effects.
+            sailed: its readings without noise, as the scenario has them.
+
+        Returns:
+            A scenario to sail other ships in under the demands of the recording, and the readings of
+            this one at the recording's rows, noise on top.
+        """
+        case = self.case
+        if case.variant == CLOSED_LOOP:
+            other = copy.copy(self)
+            governed, other.drive = self._governed(numbers)
+            return other, other.noisy(governed)
+        finer = round(case.period / LOGGED_S.get(case.variant, case.period))
+        if finer <= 1:
+            return self, self.noisy(sailed)
+        other = copy.copy(self)
+        other.case = replace(
+            case,
+            period=case.period / finer,
+            instruments={  # as much noise in each hertz
+                name: size * math.sqrt(finer) if name.endswith("_noise") else size
+                for name, size in self.true.items()
+                if name in case.instruments or name.endswith("_noise")
+            },
+        )
+        rows = finer * (len(self.drive) - 1) + 1
+        other.drive = np.repeat(self.drive, finer)[:rows]
+        if case.ship != BENCH:
+            other.pitch = np.repeat(self.pitch, finer)[:rows]
+        return other, other.noisy(other.sail(numbers, waves=True))
+
+    @property
+    def kept_rows(self) -> slice:
+        """Rows that the log keeps."""
+        kept = LOGGED_S.get(self.case.variant, self.case.period) / self.case.period
+        return slice(None, None, max(round(kept), 1))
 
     def sail(self, numbers: Numbers, waves: bool) -> pd.DataFrame:
         """Readings without noise."""
@@ -69,18 +128,23 @@ class Scenario:
         else:
             sea = self.waves if waves else calm()
             own = numbers if waves else numbers | {"wind": 0.0}
-            truth = sail(own, self.drive, self.pitch, case.period, waves=sea,
+            way = sail_held if case.variant == CLOSED_LOOP else sail
+            truth = way(own, self.drive, self.pitch, case.period, waves=sea,
                          wind_seed=case.programme_seed)  # fmt: skip
         return read(truth, numbers, case.period, None)
 
     def noisy(self, readings: pd.DataFrame) -> pd.DataFrame:
-        """Readings with the case's noise on top (their systematic errors are in already)."""
+        """Readings with the case's noise on top (their systematic errors are in already).
+
+        Without the column that is not recorded.
+        """
         plain = self.nominal | self.case.instruments
-        return read(readings, plain, self.case.period, self.case.noise_seed)
+        noisy = read(readings, plain, self.case.period, self.case.noise_seed)
+        return noisy.drop(columns=self.case.missing, errors="ignore")
 
     @cached_property
     def file_run(self) -> pd.DataFrame:
-        """The ship as its file says, in calm water, without noise."""
+        """The ship as its file says once it is calibrated, in calm water, without noise."""
         return self.sail(self.nominal, waves=False)
 
     @cached_property
@@ -91,7 +155,7 @@ class Scenario:
     @cached_property
     def calm_run(self) -> pd.DataFrame:
         """The true ship without effects in calm water, without noise."""
-        wrong = any(factor != 1.0 for factor in self.case.factors.values())
+        wrong = any(factor != 1.0 for factor in self.case.factors.values())  # off is put right
         return self.sail(self.true, waves=False) if wrong else self.file_run
 
     def compared(self, numbers: Numbers) -> pd.DataFrame:
@@ -124,10 +188,10 @@ class Scenario:
     @cached_property
     def imitations(self) -> NDArray[np.float64]:
         """Changes by each number at its tolerance, shape (samples of all channels, numbers)."""
-        ship = bench_numbers if self.case.ship == BENCH else frigate_numbers
         columns = []
         for name, tolerance in TOLERANCES[self.case.ship].items():
-            off = self.sail(ship(**{name: 1.0 + tolerance}), waves=False)
+            moved = self.nominal[name] * (1.0 + tolerance)
+            off = self.sail(self.nominal | {name: moved}, waves=False)
             columns.append(self._stacked(off, self.file_run).ravel())
         return np.column_stack(columns)
 

@@ -12,6 +12,10 @@ from .recording import Reality
 from .scenario import CHANNELS, rms
 
 Row = dict[str, Any]
+NAMING = ("explained", "partly-explained")
+"""Verdicts that name effects."""
+
+VERDICTS = (*NAMING, "unexplained", "nothing-missing")
 WORTH_IT = 0.05  # gain of the oracle below which no fraction of it means anything
 
 
@@ -80,7 +84,10 @@ def _gain(reality: Reality, report: Row) -> Row:
 
 
 def _names(effect: Row) -> set[str]:
-    return {effect["id"], *effect.get("equivalent_ids", [])}
+    """Every id that a named effect stands for: its own, its equivalents', and those of its class."""
+    own = effect.get("class") or []
+    classes = [own] if isinstance(own, str) else list(own)
+    return {effect["id"], *effect.get("equivalent_ids", []), *classes}
 
 
 def _parameters(report: Row, truth: Row) -> Row:
@@ -107,9 +114,11 @@ def _outcome(
     kind: str, verdict: str, ship: str, effects: list[Row], concealed: list[TrueEffect]
 ) -> str:
     """One word: what the report amounts to."""
-    if verdict not in ("explained", "unexplained", "nothing-missing"):
+    if verdict not in VERDICTS:
         return "failed"
-    if verdict != "explained" or not effects:
+    if verdict == "partly-explained" and not effects:
+        return "unexplained"
+    if verdict not in NAMING or not effects:
         return "unexplained" if verdict == "unexplained" else "nothing-missing"
     if kind.startswith("null"):
         return "false alarm"
@@ -140,7 +149,7 @@ def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
 
     Args:
         tool: whose report.
-        report: in the form of ``report.json``; a verdict that is none of the three is a failure.
+        report: in the form of ``report.json``; a verdict that is none of :data:`VERDICTS` is a failure.
         truth: opened after the report was written.
         reality: the recording and the oracle's runs.
     """
@@ -149,6 +158,7 @@ def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
     true_ids = [effect.id for effect in concealed]
     effects = list(report.get("effects", []))
     verdict = str(report.get("verdict", "failed"))
+    naming = verdict in NAMING
     outcome = _outcome(case["kind"], verdict, case["ship"], effects, concealed)
     location = report.get("location") or {}
     balances = list(location.get("balances") or [])
@@ -165,8 +175,13 @@ def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
         "beyond": min(truth["beyond_tolerances"].values(), default=0.0),
         "verdict": verdict,
         "outcome": outcome,
-        "named": " + ".join(effect["id"] for effect in effects) if verdict == "explained" else "",
-        "first": effects[0]["id"] if effects and verdict == "explained" else verdict,
+        "named": " + ".join(effect["id"] for effect in effects) if naming else "",
+        "first": effects[0]["id"] if effects and naming else verdict,
+        "wrong_and_sure": bool(
+            verdict == "explained"
+            and outcome in ("wrong name", "false alarm")
+            and not effects[0].get("equivalent_ids")
+        ),
         "class_size": len(_names(effects[0])) if effects else 0,
         "found": _pairs(effects, true_ids),
         "error": report.get("error", ""),
@@ -175,7 +190,7 @@ def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
         row["balance"] = balances[0] if balances else ""
         row["balance_right"] = bool(balances) and balances[0] in {e.balance for e in concealed}
         row["balance_among"] = bool({e.balance for e in concealed} & set(balances))
-        row |= _parameters(report, truth) if verdict == "explained" else {}
+        row |= _parameters(report, truth) if naming else {}
         row |= _gain(reality, report)
     true_windows = [window for window in truth["windows"].values() if window]
     if true_windows and case["kind"] in ("single", "unknown"):
@@ -186,7 +201,8 @@ def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
 def table_of(rows: list[Row]) -> pd.DataFrame:
     """Rows of :func:`score` as a table; columns that no row has are there, empty."""
     wanted = ("balance", "balance_right", "balance_among", "parameter_error", "covered",
-              "gain_channel", "oracle_gain", "gain", "gain_fraction", "iou", "seconds")  # fmt: skip
+              "gain_channel", "oracle_gain", "gain", "gain_fraction", "iou", "seconds",
+              "wrong_and_sure")  # fmt: skip
     table = pd.DataFrame(rows)
     for name in wanted:
         if name not in table:

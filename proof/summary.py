@@ -79,6 +79,8 @@ def summary(cases: pd.DataFrame) -> pd.DataFrame:
             _share(name, "dull and confounded: not a wrong name",
                    ~own.loc[own["kind"] == "confounded", "outcome"].isin(["wrong name", "family"]),
                    ""),
+            _share(name, "wrong confident name: explained, first name neither true nor of its "
+                   "class or family, none beside it", own["wrong_and_sure"], "at most 0.05"),
             _median(name, "seconds a diagnosis", own["seconds"], "60"),
         ]  # fmt: skip
     return pd.DataFrame(rows)

@@ -9,7 +9,7 @@ from ..search.fitting import Fitter
 from ..search.spectra import Likelihood
 from ..simulate.balances import Balances
 from .free import Free, doubtful
-from .identifiable import told_apart
+from .identifiable import UntoldError, told_apart
 from .output_error import OutputError
 
 
@@ -21,7 +21,7 @@ def told_by(balances: Balances, train: Segments) -> tuple[tuple[str, ...], dict[
         train: the part that may be fitted.
 
     Raises:
-        ValueError: the recordings tell no number.
+        UntoldError: the recordings tell no number.
     """
     ship = balances.replay.ship
     free = Free(ship, doubtful(ship))
@@ -41,5 +41,5 @@ def told_by(balances: Balances, train: Segments) -> tuple[tuple[str, ...], dict[
     rest, left = told_apart(free.keys, free.values, own)
     if not rest:
         why = "; ".join(f"{key}: {reason}" for key, reason in left.items())
-        raise ValueError(f"these recordings tell no number of {ship.name}: {why}")
+        raise UntoldError(f"these recordings tell no number of {ship.name}: {why}", free.keys, ())
     return tuple(free.keys[i] for i in rest), left

@@ -18,6 +18,21 @@ TELLING = 0.1
 """Relative standard error above which a number is not found but guessed at."""
 
 
+class UntoldError(ValueError):
+    """Numbers that recordings do not tell; the message names them.
+
+    Args:
+        message: for the reader.
+        keys: of the numbers, the ones first that had best stay as they are.
+        among: of all that were to be found; none where not one of them is told.
+    """
+
+    def __init__(self, message: str, keys: Sequence[str], among: Sequence[str]) -> None:
+        super().__init__(message)
+        self.keys = tuple(keys)
+        self.among = tuple(among)
+
+
 def one_direction(information: NDArray[np.float64]) -> tuple[float, list[int]]:
     """The combination of numbers that is known worst.
 
@@ -41,20 +56,23 @@ def refuse_unidentifiable(keys: Sequence[str], information: NDArray[np.float64])
         information: of them, and of anything else after them.
 
     Raises:
-        ValueError: a number that acts on nothing measured, or several of which only a ratio, product
+        UntoldError: a number that acts on nothing measured, or several of which only a ratio, product
             or sum matters; names them.
     """
     own = information[: len(keys), : len(keys)]
     for key, told in zip(keys, np.diag(own), strict=True):
         if not told > 0.0:
-            raise ValueError(f"{key} cannot be found: it moves nothing that is measured here")
+            raise UntoldError(
+                f"{key} cannot be found: it moves nothing that is measured here", [key], keys
+            )
     value, made_of = one_direction(own)
     if value < ALIKE:
         names = [keys[i] for i in made_of]
-        raise ValueError(
+        raise UntoldError(
             f"{' and '.join(names)} cannot be found together: the recording tells only a combination "
-            "of them (their ratio, product or sum); leave one of them as it is"
-        )
+            "of them (their ratio, product or sum); leave one of them as it is",
+            names[::-1], keys,
+        )  # fmt: skip
 
 
 def refuse_indistinct(keys: Sequence[str], jacobian: NDArray[np.float64], method: str) -> None:

@@ -22,7 +22,7 @@ from ..search.fitting import Fit, Fitter
 from ..search.spectra import Likelihood
 from .found import Found
 from .free import Free
-from .identifiable import refuse_unidentifiable
+from .identifiable import UntoldError, refuse_unidentifiable
 
 MOST_STEPS = 40
 SETTLED = 0.02
@@ -193,7 +193,7 @@ def output_error(
         start: of the search; the ship's own by default.
 
     Raises:
-        ValueError: numbers of which the recording only tells a ratio or a product; names them.
+        UntoldError: numbers of which the recording only tells a ratio or a product; names them.
     """
     search = OutputError(fitter, free, tick)
     values, fit = search.search(start)
@@ -224,7 +224,7 @@ def refuse_untold(found: Found, free: Free) -> None:
     Of one whose absence is 0, as an offset's or a friction's, an interval about 0 says something.
 
     Raises:
-        ValueError: names it.
+        UntoldError: names it.
     """
     told = zip(free.numbers, found.values, found.standard_errors, found.correlation, strict=True)
     for number, value, error, correlation in told:
@@ -235,7 +235,8 @@ def refuse_untold(found: Found, free: Free) -> None:
                 if abs(one) > ALIKE and key != number.key
             ]
             why = f"tell it from {' and '.join(alike)}" if alike else "excite it"
-            raise ValueError(
+            raise UntoldError(
                 f"{number.key} cannot be found: the recording does not {why} (found {value:.4g}, "
-                f"standard error {error:.2g})"
-            )
+                f"standard error {error:.2g})",
+                [number.key], free.keys,
+            )  # fmt: skip

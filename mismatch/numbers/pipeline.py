@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -279,11 +280,26 @@ def _identification(
 
 
 def _identified(ship: Ship, found: Found) -> Ship:
-    """The ship with the numbers that were found, and how well each is known."""
-    numbers = dict(ship.tolerances.numbers)
-    for key, error in zip(found.keys, found.standard_errors, strict=True):
-        # else the record holds it in another form, and nothing is known of it
-        if ship.has_key(key):
-            numbers[key] = float(error)
+    """The ship with the numbers that were found, how well each is known, and how that goes together.
+
+    A number that the record holds in another form is left out of that: nothing can be moved by it.
+    """
+    told = [i for i, key in enumerate(found.keys) if ship.has_key(key)]
+    keys, errors = [found.keys[i] for i in told], found.standard_errors[told]
+    numbers = dict(ship.tolerances.numbers) | dict(zip(keys, map(float, errors), strict=True))
+    correlations = {
+        first: {k: v for k, v in others.items() if k not in keys}
+        for first, others in ship.tolerances.correlations.items()
+        if first not in keys
+    }
+    for i, j in itertools.combinations(range(len(told)), 2):
+        one = float(np.clip(round(found.correlation[told[i], told[j]], 6), -1.0, 1.0))
+        if one != 0.0:
+            correlations.setdefault(keys[i], {})[keys[j]] = one
     known = Free(ship, found.keys).at(found.values)
-    return known.with_values({"tolerances.numbers": numbers})
+    return known.with_values(
+        {
+            "tolerances.numbers": numbers,
+            "tolerances.correlations": {k: v for k, v in correlations.items() if v},
+        }
+    )

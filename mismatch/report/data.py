@@ -7,6 +7,7 @@ from typing import Any
 
 from ..outcome import Outcome
 from ..simulate.balances import PART_OF
+from .numbers import numbers_as_dict, wrong_as_dict, wrong_of
 from .sentences import finding_sentence, sentence
 
 
@@ -50,7 +51,7 @@ def finite(value: Any) -> Any:
 def as_dict(diagnosis: Outcome) -> dict[str, Any]:
     """``report.json``; numbers in the units that their names carry."""
     effects = []
-    for f in diagnosis.findings:
+    for place, f in enumerate(diagnosis.findings):
         effect = f.effect
         effects.append(
             {
@@ -65,6 +66,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
                 "evidence": {"score": f.score, "threshold": f.threshold},
                 "windows_s": [list(w) for w in f.windows],
                 "split_by": effect.split_by,
+                "wrong_number": wrong_as_dict(wrong_of(diagnosis, place)),
             }
         )
     report: dict[str, Any] = {
@@ -91,6 +93,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
              "smallest": d.value}
             for d in diagnosis.detectable
         ],
+        "numbers": numbers_as_dict(diagnosis),
         "limits": diagnosis.limits,
         "warnings": diagnosis.warnings,
     }  # fmt: skip

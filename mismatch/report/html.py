@@ -19,6 +19,7 @@ from ..search.catalogue import catalogue, mistaken_for
 from ..search.placed import Placed
 from . import figures, regimes
 from .changes import changed_keys
+from .numbers import page_rows, wrong_of, wrong_words
 from .panels import equation
 from .remarks import remarks
 from .sentences import sentence
@@ -69,6 +70,7 @@ def report_html(diagnosis: Outcome) -> str:
         shown=min(figures.RANKED, len(diagnosis.ranking)),
         detectable=_detectable(diagnosis),
         untold=_untold(diagnosis),
+        numbers=page_rows(diagnosis),
         remarks=remarks(diagnosis),
         keys=changed_keys(diagnosis),
         version=version("shaftline"),
@@ -118,6 +120,7 @@ def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
             }
         )
     rivals = [_rival(c.placed, ship) for c in finding.rivals]
+    wrong = wrong_of(diagnosis, place)
     return {
         "name": effect_words(effect),
         "effect": effect,
@@ -126,6 +129,7 @@ def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
         "equation": Markup(equation(effect.latex, effect.equation, f"e{place}")),
         "parameters": rows,
         "rivals": rivals,
+        "wrong": "" if wrong is None else wrong_words(wrong),
         "score": number(finding.score),
         "threshold": number(finding.threshold),
         "when": spans(finding.windows, float(diagnosis.time_s[-1])),

@@ -7,6 +7,7 @@ import numpy as np
 from ..judge.findings import Finding
 from ..judge.verdict import EXPLAINED, NOTHING
 from ..outcome import Outcome
+from .numbers import numbers_that_explain
 from .wording import measure, parameter_words
 
 
@@ -43,6 +44,11 @@ def sentence(diagnosis: Outcome) -> str:
     if diagnosis.verdict == NOTHING:
         if limits:
             return f"Cannot be decided, because {limits}."
+        if right := numbers_that_explain(diagnosis):
+            return (
+                f"Nothing is missing once the numbers are right: {right}. The simulation then differs "
+                "from the recording by no more than noise and tolerances allow."
+            )
         return (
             "Nothing is missing: the simulation differs from the recording by no more than noise and "
             "the tolerances of the ship's numbers allow."

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..outcome import Outcome
+from .numbers import table_rows, wrong_of, wrong_words
 from .sentences import sentence
 
 CONSTANT = "constant: no FitPercent"
@@ -36,6 +37,19 @@ def summary(diagnosis: Outcome) -> str:
         numbers = ("value", "95 % from", "to", "evidence", "threshold")
         parts.append(
             "What is missing (evidence in 2 log L)\n" + aligned(_findings(diagnosis), numbers)
+        )
+    wrong = [
+        f"{finding.effect.label}: {wrong_words(number)}"
+        for place, finding in enumerate(diagnosis.findings)
+        if (number := wrong_of(diagnosis, place)) is not None
+    ]
+    if wrong:
+        parts.append("Or a wrong number\n" + "\n".join(wrong))
+    if diagnosis.numbers:
+        right = ("file", "found", "se", "moved", "corrected")
+        parts.append(
+            "The ship's numbers (moved by this recording: in tolerances)\n"
+            + aligned(table_rows(diagnosis), right)
         )
     held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
     parts.append(

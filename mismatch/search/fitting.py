@@ -19,7 +19,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from ..estimate import Estimate
 from ..simulate.balances import Balances
-from ..simulate.tolerances import UNMOVED, tolerance_records
+from ..simulate.tolerances import NEAR, UNMOVED, tolerance_moves
 from .placed import Placed
 from .spectra import Bands, Complex, Likelihood
 from .trial_ship import TrialShip
@@ -59,6 +59,9 @@ class Fitter:
         bands: frequencies of the part that may be fitted.
         scale: factor on all tolerances of the nominal numbers.
         free: dotted keys of numbers that are fitted, whatever their tolerances.
+
+    Attributes:
+        moves: what each of a fit's tolerances moves.
     """
 
     def __init__(
@@ -72,12 +75,12 @@ class Fitter:
         self.measured = bands.transform(balances.residuals(replay.measured))
         self._cache: dict[bytes, Complex] = {}
         nominal = self.predicted(self.trial_ship.nominal)
-        columns = []
-        for record, shift in tolerance_records(replay, scale, free):
-            columns.append(self._predict(record, shift) - nominal)
-        self.nuisance = np.array(columns)
+        self.moves = tuple(tolerance_moves(replay, scale, free, NEAR))
+        self.nuisance = np.array(
+            [(self._predict(m.record, m.start) - nominal) / m.share for m in self.moves]
+        )
         self.likelihood = Likelihood(bands, self.nuisance)
-        self._shares = np.zeros(len(columns))
+        self._shares = np.zeros(len(self.moves))
         self.null = self.fitted(())
         self._shares = self.null.tolerances
 

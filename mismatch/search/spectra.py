@@ -271,7 +271,7 @@ class Likelihood:
         """
         c = len(columns)
         k, m = self.shape
-        flat = np.concatenate([columns.reshape(c * m, -1), self._flat])
+        flat = np.concatenate([columns.reshape(c * m, self._flat.shape[1]), self._flat])
         products = moments(self.bands, flat, flat).reshape(-1, c + k, m, c + k, m)
         gram = 2.0 * np.einsum("bpq,blqkp->kl", weight, products).real
         return np.asarray(gram + np.diag([0.0] * c + [1.0] * k))

@@ -5,9 +5,12 @@ How well the numbers are known stands in the ship's file, under ``[tolerances]``
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from typing import Any
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from ...plant.ship import Ship
 from ...plant.tolerances import TOLERATED
 from .joint_replay import JointReplay
 
@@ -17,19 +20,50 @@ START = {"pitch_ratio": 0.005, "shaft_speed": 0.02, "ship_speed": 0.05}
 
 UNMOVED = (0.0, 0.0, 0.0)
 
-Moved = tuple[Any, tuple[float, float, float]]
-"""A record of the ship, and the shift of the first state: P/D, shaft speed, ship speed."""
+NEAR = 0.05
+"""Share of a number over which the simulation is felt where its tolerance is wider."""
+
+
+class Moved(NamedTuple):
+    """The nominal ship with a number one standard deviation off, or several that go together."""
+
+    record: Any
+    start: tuple[float, float, float]  # shift of the first state: P/D, shaft speed, ship speed
+    numbers: Mapping[str, float] = {}  # change of each number of the ship's file, by dotted key
+    share: float = 1.0  # of the deviation that stands in the record
 
 
 def tolerance_records(
     replay: JointReplay, scale: float = 1.0, free: Collection[str] = ()
-) -> Iterator[Moved]:
+) -> Iterator[tuple[Any, tuple[float, float, float]]]:
     """The nominal ship with each number one standard deviation off: record, and shift of the start.
+
+    Numbers of which the file knows how their errors go together are moved together, along the axes of
+    their joint uncertainty.
 
     Args:
         replay: of the recording; numbers that do not act in it, or are known exactly, are left out.
         scale: factor on all tolerances.
         free: dotted keys of numbers that are left out too, being fitted themselves.
+    """
+    for moved in tolerance_moves(replay, scale, free):
+        yield moved.record, moved.start
+
+
+def tolerance_moves(
+    replay: JointReplay,
+    scale: float = 1.0,
+    free: Collection[str] = (),
+    near: float = float("inf"),
+) -> Iterator[Moved]:
+    """The same with what is moved.
+
+    Args:
+        replay: of the recording; numbers that do not act in it, or are known exactly, are left out.
+        scale: factor on all tolerances.
+        free: dotted keys of numbers that are left out too, being fitted themselves.
+        near: share of a number that it is moved by at most; the rest of its standard deviation is in
+            the ``share`` of what is found.
     """
     ship = replay.ship
     known = ship.tolerances
@@ -41,23 +75,26 @@ def tolerance_records(
         if tolerance != 0.0 and key not in told:
             record, name = ship.record(), field or ship.number(key).field
             record[name] = record[name] * (1.0 + tolerance) ** power
-            yield record, UNMOVED
+            own = (1.0 + tolerance) ** power - 1.0
+            in_file = ship.has_key(key)
+            yield Moved(record, UNMOVED, {key: own * ship.number(key).value} if in_file else {})
 
     def shifted(key: str, unit: float) -> Iterator[Moved]:
         """A number off by a share of something else."""
         tolerance = scale * getattr(known, TOLERATED[key])
         if tolerance != 0.0 and key not in told:
-            yield _with(ship.record(), ship.number(key), tolerance * unit), UNMOVED
+            yield _moved(ship, {key: tolerance * unit})
 
     if ship.moves:
         yield from off("hull.resistance_coefficient_N_s2_m2")
         yield from off("hull.mass_kg")
     if ship.moves and ship.has_propeller:
         yield from shifted("hull.wake_fraction", 1.0)
-        for record, start in off("propeller.thrust_coefficient", field="kt"):
-            record["four_quadrant"][..., :2] *= 1.0 + scale * known.thrust_curve  # CT's harmonics
-            record["table_kt"] *= 1.0 + scale * known.thrust_curve
-            yield record, start
+        for moved in off("propeller.thrust_coefficient", field="kt"):
+            factor = 1.0 + scale * known.thrust_curve
+            moved.record["four_quadrant"][..., :2] *= factor  # CT's harmonics
+            moved.record["table_kt"] *= factor
+            yield moved
     for side in ("engine", "propeller") if ship.turns_freely else ("propeller",):
         yield from off(f"transmission.inertia_{side}_side_kg_m2")
     if ship.has_propeller and "propeller.torque_coefficient" not in told:
@@ -72,19 +109,44 @@ def tolerance_records(
         yield from off("prime_mover.armature_resistance_ohm")
     if replay.controllable:
         yield from off("pitch_actuator.time_constant_s")
-    for key, deviation in known.numbers.items():
-        if key not in free and scale * deviation > 0.0:
-            yield _with(ship.record(), ship.number(key), scale * deviation), UNMOVED
+    told_by_file = [k for k, one in known.numbers.items() if k not in free and scale * one > 0.0]
+    for numbers in _joint(ship, told_by_file, scale):
+        yield _moved(ship, numbers, near)
     if ship.turns_freely:
         shaft = max(abs(replay.start[1]), 1.0)
-        yield ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0)
+        yield Moved(ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0))
     if replay.controllable:
-        yield ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0)
+        yield Moved(ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0))
     if ship.moves:
-        yield ship.record(), (0.0, 0.0, scale * START["ship_speed"])
+        yield Moved(ship.record(), (0.0, 0.0, scale * START["ship_speed"]))
 
 
-def _with(record: Any, number: Any, more: float) -> Any:
-    """A record in which one number is larger."""
-    number.write(record, number.value + more)
-    return record
+def _joint(ship: Ship, keys: list[str], scale: float) -> Iterator[dict[str, float]]:
+    """One standard deviation of each number, or along each axis of several that go together."""
+    known = ship.tolerances
+    together = [k for k in keys if any(known.correlation(k, other) for other in keys if other != k)]
+    for key in keys:
+        if key not in together:
+            yield {key: scale * known.numbers[key]}
+    if together:
+        correlation = np.array([[known.correlation(a, b) for b in together] for a in together])
+        sizes, axes = np.linalg.eigh(correlation)
+        deviations = scale * np.array([known.numbers[key] for key in together])
+        for size, axis in zip(sizes, axes.T, strict=True):
+            if size > 0.0:  # rounded correlations may leave less than nothing
+                yield dict(zip(together, np.sqrt(size) * deviations * axis, strict=True))
+
+
+def _moved(ship: Ship, numbers: Mapping[str, float], near: float = float("inf")) -> Moved:
+    """The ship with some numbers changed, or with a part of that where it is far."""
+    own = {key: ship.number(key) for key in numbers}
+    shares = [
+        near * abs(own[key].value / change)
+        for key, change in numbers.items()
+        if change != 0.0 and own[key].value != 0.0
+    ]
+    share = min(1.0, *shares) if shares else 1.0
+    record = ship.record()
+    for key, change in numbers.items():
+        own[key].write(record, own[key].value + share * change)
+    return Moved(record, UNMOVED, numbers, share)

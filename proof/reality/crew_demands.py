@@ -16,6 +16,7 @@ from .numbers import frigate_numbers, open_water_curve
 Floats = NDArray[np.float64]
 LIVELY = ("steps", "ramps", "staircase", "harbour", "sweep")
 DULL = "cruise"
+SPEED_PER_RACK = 0.3  # rad/s/mm; about what a millimetre of rack is worth
 
 
 @functools.cache
@@ -44,18 +45,20 @@ def steady(omega: float, pitch: float) -> tuple[float, float]:
     return (brake - n["map_speed"] * n["gear"] * omega - n["map_zero"]) / n["map_rack"], v
 
 
-def _level(rng: Generator, slow: bool) -> tuple[float, float]:
-    """Rack and pitch of a random working point that the engine can bear."""
+def _level(rng: Generator, slow: bool, governed: bool) -> tuple[float, float]:
+    """Rack (or shaft speed) and pitch of a random working point that the engine can bear."""
     for _ in range(100):
         omega = rng.uniform(5.8, 8.5) if slow else rng.uniform(6.5, 12.0)
         pitch = rng.uniform(0.7, 1.2) if slow else rng.uniform(0.95, 1.38)
         rack, _ = steady(round(omega, 3), round(pitch, 3))
         if rack < 27.0:
-            return rack, pitch
+            return (omega if governed else rack), pitch
     raise AssertionError("no working point")
 
 
-def voyage(kind: str, seconds: float, period: float, rng: Generator) -> tuple[Floats, Floats]:
+def voyage(
+    kind: str, seconds: float, period: float, rng: Generator, governed: bool = False
+) -> tuple[Floats, Floats]:
     """Rack [mm] and pitch demands, a pair a sample.
 
     Args:
@@ -63,19 +66,21 @@ def voyage(kind: str, seconds: float, period: float, rng: Generator) -> tuple[Fl
         seconds: length of the record.
         period: between samples [s].
         rng: decides everything.
+        governed: whether the shaft speed [rad/s] is ordered in place of the rack, at the same points.
     """
+    unit = SPEED_PER_RACK if governed else 1.0
     count = round(seconds / period) + 1
     time: Floats = np.arange(count, dtype=np.float64) * period
     if kind == DULL:
-        rack, pitch = _level(rng, slow=False)
+        rack, pitch = _level(rng, False, governed)
         touched = np.cumsum(rng.random(count) < period / 200.0) % 3 - 1
-        return np.asarray(rack + 0.12 * touched, dtype=np.float64), np.full(count, pitch)
+        return np.asarray(rack + 0.12 * unit * touched, dtype=np.float64), np.full(count, pitch)
     if kind == "sweep":
-        rack, pitch = _level(rng, slow=False)
+        rack, pitch = _level(rng, False, governed)
         low, high = 1.0 / rng.uniform(90.0, 150.0), 1.0 / rng.uniform(8.0, 20.0)
         phase = 2.0 * math.pi * low * seconds / math.log(high / low)
         angle = phase * (np.exp(time / seconds * math.log(high / low)) - 1.0)
-        drawn = rng.uniform(1.5, 3.0)
+        drawn = unit * rng.uniform(1.5, 3.0)
         swell = np.sin(2.0 * math.pi * time / rng.uniform(130.0, 260.0))
         pitch = min(pitch, 1.3)
         return rack + drawn * np.sin(angle), pitch + rng.uniform(0.04, 0.08) * swell
@@ -84,7 +89,7 @@ def voyage(kind: str, seconds: float, period: float, rng: Generator) -> tuple[Fl
     edges = [0.0]
     while edges[-1] < seconds:
         edges.append(edges[-1] + rng.uniform(*dwell))
-    levels = [_level(rng, slow) for _ in edges]
+    levels = [_level(rng, slow, governed) for _ in edges]
     if kind == "staircase":  # up and down in equal treads
         first, last = sorted(levels[:2])
         folded = np.abs((np.arange(len(edges)) % 10) - 5) / 5.0

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from .numbers import Numbers
 
 Floats = NDArray[np.float64]
+ENCODER_DIGIT = 0.005  # rad/s; of a rounded reading
 
 
 def _late(values: Floats, delay: float, smoothing: float, period: float) -> Floats:
@@ -27,6 +28,11 @@ def _late(values: Floats, delay: float, smoothing: float, period: float) -> Floa
 def _trailing_mean(values: Floats, window: float, period: float) -> Floats:
     wide = max(round(window / period), 1)
     return np.asarray(uniform_filter1d(values, wide, mode="nearest", origin=(wide - 1) // 2))
+
+
+def encoder_noise(numbers: Numbers, rows: int, seed: int) -> Floats:
+    """What :func:`read` adds to the shaft speed [rad/s]; it draws it first."""
+    return np.asarray(numbers["encoder_noise"] * np.random.default_rng(seed).standard_normal(rows))
 
 
 def read(truth: pd.DataFrame, numbers: Numbers, period: float, seed: int | None) -> pd.DataFrame:
@@ -59,7 +65,7 @@ def read(truth: pd.DataFrame, numbers: Numbers, period: float, seed: int | None)
         return table
     rng = np.random.default_rng(seed)
     noise = {
-        "shaft_speed_rad_s": ("encoder_noise", 0.005),
+        "shaft_speed_rad_s": ("encoder_noise", ENCODER_DIGIT),
         "shaft_torque_N_m": ("gauge_noise", 100.0),
         "pitch_ratio": ("pitch_noise", 0.001),
         "ship_speed_m_s": ("log_noise", 0.01),
@@ -73,5 +79,6 @@ def read(truth: pd.DataFrame, numbers: Numbers, period: float, seed: int | None)
             if numbers["rounding"] > 0.0:
                 table[column] = np.round(table[column] / digit) * digit
     if "thrust_N" in table:
-        table["thrust_N"] += 0.01 * table["thrust_N"].abs().mean() * rng.standard_normal(len(table))
+        size = numbers["thrust_noise"] * table["thrust_N"].abs().mean()
+        table["thrust_N"] += size * rng.standard_normal(len(table))
     return table

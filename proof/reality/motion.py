@@ -165,6 +165,7 @@ def _balance(
         torque = y[3]
     front = torque * ship.gear * ship.efficiency
     front -= _stribeck(ship, ship.dry_front, ship.wet_front, omega) + generator
+    front -= ship.rub * math.tanh(omega / 0.1)  # the friction that the file knows of
     rate[7] = 0.0
     if ship.bearing_heat > 0.0:  # heats with the power rubbed away, and rubs the more
         rate[7] = ((omega / 10.0) ** 2 - y[7]) / ship.bearing_time

@@ -55,7 +55,7 @@ NEUTRAL: Numbers = {
     "torque_scale": 0.0, "torque_scale_bow": 0.0, "torque_delay": 0.0, "torque_filter": 0.3,
     "log_window": 0.0,
     "encoder_noise": 0.0, "gauge_noise": 0.0, "pitch_noise": 0.0, "log_noise": 0.0,
-    "current_noise": 0.0, "depth_noise": 0.05, "rounding": 0.0,
+    "current_noise": 0.0, "depth_noise": 0.05, "thrust_noise": 0.01, "rounding": 0.0,
     # bench
     "command_gap": 0.0, "command_gap_round": 0.15, "turning_drag": 0.0, "turning_power": 2.0,
     "astern_change": 0.0, "astern_width": 3.0, "supply_sag": 0.0, "flow_memory": 0.0,
@@ -123,6 +123,7 @@ def frigate_numbers(**changes: float) -> Numbers:
         "inertia_back": line["inertia_propeller_side_kg_m2"],
         "pitch_time": file["pitch_actuator"]["time_constant_s"],
     }
+    numbers |= {"kt_scale": 1.0, "rub": 0.0}
     for name, factor in changes.items():
         numbers[name] *= factor
     return {name: float(value) for name, value in numbers.items()} | NEUTRAL
@@ -142,4 +143,5 @@ def as_record(numbers: Numbers) -> NDArray[Any]:
         ship[name] = value
     blades, area = round(numbers["blades"]), numbers["area_ratio"]
     ship["kt"], ship["kq"] = (open_water_curve(curve, blades, area) for curve in ("KT", "KQ"))
+    ship["kt"] *= numbers["kt_scale"]
     return ship

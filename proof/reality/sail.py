@@ -142,7 +142,26 @@ def sail(
             raise StalledError(f"the engine stops at {solution.t[-1]:.1f} s")
         states[first:last] = solution.y.T[:-1]
         state = states[last] = solution.y[:, -1]
-    outs = signals(times, states, ship, waves, table, step)
+    return columns_of(rack, pitch, period, states, ship, waves, table)
+
+
+def columns_of(
+    rack: Floats, pitch: Floats, period: float, states: Floats, ship: NDArray[Any], waves: Waves,
+    table: Floats,
+) -> pd.DataFrame:  # fmt: skip
+    """True signals by the canonical columns of a recording.
+
+    Args:
+        rack: demand [mm], one a sample.
+        pitch: commanded pitch ratio likewise.
+        period: between samples [s].
+        states: at the samples.
+        ship: array of one record.
+        waves: of the voyage.
+        table: of the clock.
+    """
+    times: Floats = np.arange(len(rack), dtype=np.float64) * period
+    outs = signals(times, states, ship, waves, table, period / FINE)
     return pd.DataFrame(
         {
             "time_s": times,

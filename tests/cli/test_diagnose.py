@@ -245,3 +245,73 @@ def test_a_folder_without_one_good_recording_is_bad_input(
     )
     refused(result, "none of its 1 recordings", "empty.csv")
     assert "empty.csv" in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+
+
+RESISTANCE = "hull.resistance_coefficient_N_s2_m2"
+
+
+def test_a_healthy_period_tells_the_numbers_first(shaftline: Command, tmp_path: Path) -> None:
+    """The file's resistance is 10 % low, and nothing is missing."""
+    wrong = {"hull__resistance_coefficient_N_s2_m2": 1.1 * 3306.2}
+    trial(300.0, 3, **wrong).to_csv(tmp_path / "healthy.csv", index=False)
+    trial(300.0, 4, **wrong).to_csv(tmp_path / "now.csv", index=False)
+    arguments = ("diagnose", tmp_path / "now.csv", "--ship", "frigate", "--out")
+    healthy = ("--calibrate", tmp_path / "healthy.csv", "--free", RESISTANCE)
+    result = shaftline(*arguments, tmp_path / "out", *healthy)
+    assert result.exit_code == 0, result.output
+    report = json.loads((tmp_path / "out" / REPORT).read_text())
+    assert report["verdict"] == "nothing-missing"
+    number = report["numbers"][RESISTANCE]
+    assert number["source"] == "calibrated"
+    assert number["file"] == 3306.2
+    assert number["value"] == pytest.approx(1.1 * 3306.2, abs=4.0 * number["se"])
+    assert abs(number["moved"]) < 4.0
+    corrected = load_ship(tmp_path / "out" / SHIP)
+    assert corrected.hull.resistance_coefficient_N_s2_m2 == number["corrected"]
+    assert RESISTANCE in result.output
+    assert "told by the healthy period" in result.output
+
+
+def test_a_free_number_is_no_missing_physics(shaftline: Command, tmp_path: Path) -> None:
+    FOULED.to_csv(tmp_path / "trial.csv", index=False)
+    result = shaftline(
+        "diagnose", tmp_path / "trial.csv", "--ship", "frigate", "--out", tmp_path / "out",
+        "--free", f"{RESISTANCE},",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    report = json.loads((tmp_path / "out" / REPORT).read_text())
+    assert report["verdict"] == "nothing-missing"
+    assert f"once the numbers are right: {RESISTANCE} is" in report["sentence"]
+    number = report["numbers"][RESISTANCE]
+    assert number["source"] == "free"
+    assert number["corrected"] == pytest.approx(1.3 * 3306.2, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (("--calibrate", "nowhere.csv"), ("nowhere.csv", "no such recording to calibrate on")),
+        (("--free", "hull.rust"), ("hull.rust is no number of this ship", "hull.mass_kg")),
+        (("--free", f"{RESISTANCE},{RESISTANCE}"), (RESISTANCE, "given twice")),
+        (
+            ("--free", "transmission.coulomb_friction_engine_side_N_m"),
+            ("coulomb_friction_engine_side_N_m is 0", "[N m]", "[tolerances.numbers]"),
+        ),
+        (("--calibrate", "{trial}"), ("trial.csv is given twice", "another period")),
+        (("--calibrate", "{text}"), ("text.csv",)),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused_before_work_begins(
+    shaftline: Command, tmp_path: Path, more: tuple[str, str], words: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    FOULED.to_csv(tmp_path / "trial.csv", index=False)
+    (tmp_path / "text.csv").write_text("no recording at all", encoding="utf-8")
+    monkeypatch.setattr("shaftline.mismatch.pipeline.Balances", None)  # no work
+    places = {"trial": tmp_path / "trial.csv", "text": tmp_path / "text.csv"}
+    result = shaftline(
+        "diagnose", tmp_path / "trial.csv", "--ship", "frigate", "--out", tmp_path / "out",
+        *(word.format(**places) for word in more),
+    )  # fmt: skip
+    refused(result, *words)
+    assert not (tmp_path / "out").exists()

@@ -62,3 +62,31 @@ def test_pysindy_is_an_extra(
     monkeypatch.setitem(sys.modules, "pysindy", None)
     refused(shaftline("prove", "--sindy", "--out", tmp_path), "--sindy", "shaftline[sindy]")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_variant_is_known_and_mixed_with_no_other(
+    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refused(
+        shaftline("prove", "--variant", "windy", "--out", tmp_path), "windy", "realistic", "1-hz"
+    )
+    refused(
+        shaftline("prove", "--variant", "1-hz", "--sindy", "--out", tmp_path), "plain proof only"
+    )
+    assert not list(tmp_path.iterdir())
+    rows = []
+
+    def tool(
+        page: bool, recording: Path, ship: str, out: Path, exclude: tuple[str, ...]
+    ) -> dict[str, Any]:
+        rows.append(len(pd.read_csv(recording)))
+        return {"verdict": "nothing-missing", "effects": []}
+
+    monkeypatch.setattr(prove_command, "_tool", tool)
+    arguments = ("prove", "--cases", 1, "--seed", 112, "--out", tmp_path, "--jobs", 1)
+    result = shaftline(*arguments, "--variant", "1-hz")
+    assert result.exit_code == 0, result.output
+    assert rows[0] < 1300
+    assert "--seed 112 --variant 1-hz`" in (tmp_path / "proof.md").read_text(encoding="utf-8")
+    assert list(pd.read_csv(tmp_path / "proof-cases.csv")["tool"]) == ["shaftline"]
+    refused(shaftline(*arguments), "another variant", "1-hz", "plain")

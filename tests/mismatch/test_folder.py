@@ -12,6 +12,7 @@ import pytest
 from shaftline.core.sweep import SweepError
 from shaftline.mismatch import Options, diagnose_folder, folder
 from shaftline.mismatch.diagnosis import SHIP
+from shaftline.mismatch.numbers.start import Start
 from shaftline.mismatch.report.files import PAGE, REPORT
 from shaftline.plant import Ship
 
@@ -204,3 +205,22 @@ def test_where_no_disk_is_shared_content_and_map_travel(
     assert (name, text, used.tolerance) == ("a_20240503.csv", "fouled", 3.0)
     here = folder._cell(runs / "b 2024-06-01.csv", options, False)
     assert (here.content, here.columns) == (None, None)
+
+
+def test_a_folder_is_calibrated_once(
+    asked: Asked, runs: Path, frigate: Ship, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[Options] = []
+
+    def begin(ship: Ship, options: Options) -> Start:
+        begun.append(options)
+        return Start(ship, ship.with_values({"hull.mass_kg": 3.2e6 + 1e4 * len(begun)}))
+
+    monkeypatch.setattr(folder, "begin", begin)
+    healthy = runs / "within" / "f.csv"
+    run(runs, frigate, Options(calibrate=(healthy,)))
+    assert [options.calibrate for options in begun] == [(healthy,)]
+    assert len(asked) == 3
+    assert all(options.calibrate == () for _, _, options in asked)
+    run(runs, frigate, Options(calibrate=(healthy,)))  # told other numbers this time
+    assert len(asked) == 6

@@ -13,8 +13,21 @@ STATED = {
 
 
 def test_a_ship_that_says_nothing_is_known_this_well() -> None:
-    assert Tolerances().model_dump(exclude={"numbers"}) == STATED
+    assert Tolerances().model_dump(exclude={"numbers", "correlations"}) == STATED
     assert Tolerances().numbers == {}
+    assert Tolerances().correlations == {}
+
+
+def test_errors_that_go_together_are_those_of_numbers_told() -> None:
+    known = Tolerances(numbers={"a.b": 1.0, "c.d": 2.0}, correlations={"a.b": {"c.d": 0.9}})
+    assert known.correlation("a.b", "c.d") == known.correlation("c.d", "a.b") == 0.9
+    assert known.correlation("a.b", "a.b") == 1.0
+    assert known.correlation("a.b", "e.f") == 0.0
+    assert hash(known) != hash(Tolerances(numbers=known.numbers))
+    with pytest.raises(ValueError, match=r"speak of c\.d, which has no standard deviation"):
+        Tolerances(numbers={"a.b": 1.0}, correlations={"a.b": {"c.d": 0.9}})
+    with pytest.raises(ValueError, match="less than or equal to 1"):
+        Tolerances(numbers=known.numbers, correlations={"a.b": {"c.d": 1.1}})
 
 
 @pytest.mark.parametrize("key", STATED)

@@ -101,6 +101,47 @@ def test_nulls_unknowns_and_crashes() -> None:
     assert scored(unknown, {"verdict": "failed", "error": "x"})["outcome"] == "failed"
 
 
+def test_what_is_partly_explained_is_named_as_well() -> None:
+    interval = {"value": 1100.0, "ci95": [950.0, 1250.0]}
+    given = report("coulomb-friction", verdict="partly-explained", torque_N_m=interval)
+    row = scored(reality("single", FRICTION), given)
+    assert (row["outcome"], row["first"]) == ("named", "coulomb-friction")
+    assert (row["found"], row["covered"]) == (1, 1.0)
+    null = scored(reality("null-calm"), report("current", verdict="partly-explained"))
+    assert null["outcome"] == "false alarm"
+    empty = scored(reality("null-calm"), report(verdict="partly-explained"))
+    assert empty["outcome"] == "unexplained"
+
+
+def test_an_entry_of_the_true_class_is_right() -> None:
+    given = report("stribeck-friction")
+    assert scored(reality("single", FRICTION), given)["outcome"] == "wrong name"
+    for own in ("coulomb-friction", ["viscous-friction", "coulomb-friction"]):
+        given["effects"][0]["class"] = own
+        assert scored(reality("single", FRICTION), given)["outcome"] == "class"
+
+
+@pytest.mark.parametrize(
+    ("kind", "named", "verdict", "sure"),
+    [
+        ("single", "hull-fouling", "explained", True),
+        ("single", "hull-fouling", "partly-explained", False),
+        ("single", "hull-fouling=current", "explained", False),
+        ("single", "engine-derating", "explained", False),  # of its family
+        ("single", "coulomb-friction", "explained", False),
+        ("null-calm", "current", "explained", True),
+        ("unknown", "current", "explained", True),
+    ],
+)
+def test_a_wrong_confident_name(kind: str, named: str, verdict: str, sure: bool) -> None:
+    concealed = {"single": (FRICTION,), "unknown": ("rudder-action/hull",)}.get(kind, ())
+    row = scored(reality(kind, *concealed), report(named, verdict=verdict))
+    assert row["wrong_and_sure"] == sure
+    value = summary.tables_of(table_of([row]))["summary"].set_index("figure")["value"]
+    (figure,) = (name for name in value.index if name.startswith("wrong confident name"))
+    assert value[figure] == float(sure)
+
+
 def test_numbers_that_are_missing_are_not_scored() -> None:
     gone = {"value": None, "ci95": [None, None]}
     row = scored(reality("single", FRICTION), report("coulomb-friction", torque_N_m=gone))
@@ -177,8 +218,8 @@ def test_wilson() -> None:
 def test_a_proof_is_resumed_sealed_and_written(tmp_path: Path, monkeypatch: Any) -> None:
     drawn = cases.draw_case
 
-    def short(seed: int, index: int) -> cases.Case:
-        return dataclasses.replace(drawn(seed, index), seconds=150.0)
+    def short(seed: int, index: int, variant: str) -> cases.Case:
+        return dataclasses.replace(drawn(seed, index, variant), seconds=150.0)
 
     monkeypatch.setattr(prove, "draw_case", short)
     calls, seals = [], []

@@ -31,6 +31,7 @@ def test_a_finding_has_its_place_numbers_and_evidence() -> None:
         "evidence": {"score": 347.0, "threshold": 10.5},
         "windows_s": [[60.0, 120.0]],
         "split_by": effect.split_by,
+        "wrong_number": None,
     }
     assert report["location"] == {
         "balances": ["engine"], "windows_s": [[60.0, 120.0]], "regime": "shaft_speed above 11 rad/s",

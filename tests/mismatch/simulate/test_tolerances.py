@@ -14,14 +14,15 @@ from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.simulate.tolerances import tolerance_records
+from shaftline.mismatch.simulate.tolerances import tolerance_moves, tolerance_records
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.tolerances import Tolerances
 
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
 FOULING = Placed(next(e for e in catalogue() if e.id == "hull-fouling"), (0.04,))
-NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields if key != "numbers"]
+BY_NUMBER = ("numbers", "correlations")
+NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields if key not in BY_NUMBER]
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,7 @@ def test_the_largest_tolerances_can_be_simulated(draggy: pd.DataFrame) -> None:
 def test_the_factor_multiplies_all_tolerances(draggy: pd.DataFrame) -> None:
     ship = load_ship("frigate")
     doubled = {
-        f"tolerances.{key}": 2.0 * value for key, value in ship.tolerances if key != "numbers"
+        f"tolerances.{key}": 2.0 * value for key, value in ship.tolerances if key not in BY_NUMBER
     }
     by_file = tolerance_records(JointReplay(ship.with_values(doubled), draggy))
     by_factor = tolerance_records(JointReplay(ship, draggy), 2.0)
@@ -231,3 +232,60 @@ def test_thrust_is_moved_in_a_table_too(frigate: Ship) -> None:
     own = ship.record()
     np.testing.assert_allclose(record["table_kt"], 1.1 * own["table_kt"], rtol=1e-12)
     assert (record["table_kq"] == own["table_kq"]).all()
+
+
+def moved_together(correlation: float, table: pd.DataFrame) -> np.ndarray[Any, Any]:
+    """Covariance of what resistance and mass are moved by, the file saying how sure it is of them."""
+    keys = ("hull.resistance_coefficient_N_s2_m2", "hull.mass_kg")
+    ship = load_ship("frigate").with_values(
+        {
+            "tolerances.numbers": dict(zip(keys, (100.0, 5e4), strict=True)),
+            "tolerances.correlations": {keys[1]: {keys[0]: correlation}},
+        }
+    )
+    own = [
+        move.numbers
+        for move in tolerance_moves(JointReplay(ship, table))
+        if set(move.numbers) & {*keys}
+    ]
+    changes = np.array([[numbers.get(key, 0.0) for numbers in own] for key in keys])
+    return np.asarray(changes @ changes.T)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9, -0.5, 1.0])
+def test_numbers_whose_errors_go_together_are_moved_together(
+    draggy: pd.DataFrame, correlation: float
+) -> None:
+    crossed = correlation * 100.0 * 5e4
+    expected = [[100.0**2, crossed], [crossed, 5e4**2]]
+    np.testing.assert_allclose(moved_together(correlation, draggy), expected, atol=1e-6)
+
+
+def test_a_ratio_that_is_known_well_is_no_missing_physics_less(draggy: pd.DataFrame) -> None:
+    """Resistance and mass each known to 5 %, their ratio to 0.5 %: 4 % more resistance is fouling."""
+    key, mass = "hull.resistance_coefficient_N_s2_m2", "hull.mass_kg"
+    known = {"tolerances.numbers": {key: 0.05 * 3306.2, mass: 0.05 * 3.3e6}}
+    together: Any = known | {"tolerances.correlations": {key: {mass: 0.995}}}
+    assert gain(fitter_of(draggy, known)) < 3.0  # type: ignore[arg-type]
+    assert gain(fitter_of(draggy, together)) > gain(fitter_of(draggy, known)) + 1.0  # type: ignore[arg-type]
+
+
+def test_a_wide_tolerance_is_felt_over_a_small_step(draggy: pd.DataFrame) -> None:
+    key = "hull.resistance_coefficient_N_s2_m2"
+    ship = load_ship("frigate").with_values({"tolerances.numbers": {key: 0.3 * 3306.2}})
+    replay = JointReplay(ship, draggy)
+    (near,) = (m for m in tolerance_moves(replay, near=0.05) if key in m.numbers)
+    assert near.numbers == {key: 0.3 * 3306.2}
+    assert near.share == pytest.approx(0.05 / 0.3)
+    assert near.record["resistance_coefficient"] == pytest.approx(1.05 * 3306.2)
+    (whole,) = (m for m in tolerance_moves(replay) if key in m.numbers)
+    assert (whole.share, whole.record["resistance_coefficient"]) == (1.0, 1.3 * 3306.2)
+
+
+def test_a_move_names_what_it_moves(draggy: pd.DataFrame) -> None:
+    replay = JointReplay(load_ship("frigate"), draggy)
+    moved = {key: change for m in tolerance_moves(replay) for key, change in m.numbers.items()}
+    assert moved["hull.resistance_coefficient_N_s2_m2"] == pytest.approx(0.004 * 3306.2)
+    assert moved["hull.wake_fraction"] == pytest.approx(0.0015)
+    assert moved["propeller.relative_rotative_efficiency"] == pytest.approx(1.0 / 1.002 - 1.0)
+    assert not any(key.endswith("thrust_coefficient") for key in moved)  # a file has no such key

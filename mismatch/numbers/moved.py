@@ -1,0 +1,184 @@
+"""Which of a ship's numbers a recording moves, and which of them the corrected ship carries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...plant.ship import Ship
+from ...plant.ship_errors import ShipError
+from ..judge.fit import fits
+from ..search.fitting import Fit, Fitter
+from ..search.selection import TELL_APART
+from .free import number_of
+from .start import Start
+
+TOLD = 1.0
+"""Standard deviations of a number from which on it is told that it moved."""
+
+CARRIED = 0.5
+"""The same from which on the corrected ship may carry it."""
+
+WORSE = 0.05
+"""Points of FitPercent that no channel may lose to the numbers that the corrected ship carries."""
+
+FAR = 0.02
+"""Share of a number by which it may move before the simulation is made straight anew about it."""
+
+MOST_ROUNDS = 4
+"""Of that."""
+
+
+@dataclass(frozen=True)
+class MovedNumber:
+    """A number of a ship's file as a diagnosis sees it.
+
+    Args:
+        key: dotted key.
+        unit: of the number; SI.
+        file: value that stands in the ship's file.
+        value: with the healthy period and this recording.
+        standard_error: of it; NaN where nothing is known of it.
+        shifts: standard deviations, as they were known before this recording, by which it moved it.
+        source: ``calibrated``, ``free`` (let move widely), or ``tolerance``.
+        corrected: value that the corrected ship has.
+    """
+
+    key: str
+    unit: str
+    file: float
+    value: float
+    standard_error: float
+    shifts: float
+    source: str
+    corrected: float
+
+
+class Numbers:
+    """The numbers of a ship in one diagnosis.
+
+    Args:
+        start: the ship before the diagnosis.
+        fitter: of the recording, about that ship or one with other values of its free numbers.
+    """
+
+    def __init__(self, start: Start, fitter: Fitter) -> None:
+        self.start = start
+        self.fitter = fitter
+        self.keys = tuple(dict.fromkeys(key for move in fitter.moves for key in move.numbers))
+        table = [[move.numbers.get(key, 0.0) for move in fitter.moves] for key in self.keys]
+        self._changes = np.array(table).reshape(len(self.keys), len(fitter.moves))
+        self._deviations = np.sqrt(np.sum(self._changes**2, axis=1))
+
+    def values(self, fit: Fit) -> dict[str, float]:
+        """Each number as a fit has it, by key, inside the range of the ship's file."""
+        found = {}
+        for key, change in zip(self.keys, self._changes @ fit.tolerances, strict=True):
+            number = self.fitter.trial_ship.ship.number(key)
+            found[key] = float(np.clip(number.value + change, number.info.low, number.info.high))
+        return found
+
+    def shifts(self, fit: Fit) -> dict[str, float]:
+        """How far each is from where the diagnosis began, in standard deviations."""
+        return {
+            key: float((value - self.start.ship.number(key).value) / deviation)
+            for (key, value), deviation in zip(
+                self.values(fit).items(), self._deviations, strict=True
+            )
+        }
+
+    def relinearised(self) -> Ship | None:
+        """The ship with its free numbers where the recording has them without any effect.
+
+        None where they are near enough, or where the simulation does not follow them there.
+        """
+        own, fit = self.fitter.trial_ship.ship, self.fitter.null
+        values = {k: v for k, v in self.values(fit).items() if k in self.start.free}
+        if all(abs(v - own.number(k).value) <= FAR * abs(v) for k, v in values.items()):
+            return None
+        try:
+            moved = own.with_values(values)
+        except ShipError:
+            return None
+        return moved if self.fitter.scored(moved.record()).score > fit.score - TELL_APART else None
+
+    def carried(self, corrected: Ship, fit: Fit, judge: Callable[[Any], float], rows: Any) -> Ship:
+        """A corrected ship with the numbers as well that the recording moved.
+
+        Only where the data set aside speak for them as clearly as one name must against another, and
+        where no channel is followed worse there, open loop.
+
+        Args:
+            corrected: with effects.
+            fit: of these effects.
+            judge: 2 log L of a ship's record on the data set aside.
+            rows: that were set aside.
+        """
+        file = {key: self.start.ship.number(key).value for key in self.start.free}
+        plain = corrected.with_values(file) if file else corrected
+        values = self.values(fit)
+        moved = {
+            k: values[k] for k, shift in self.shifts(fit).items()
+            if abs(shift) >= CARRIED or k in self.start.free
+        }  # fmt: skip
+        if not moved:
+            return plain
+        try:
+            other = plain.with_values(moved)
+        except ShipError:  # two numbers that do not go together
+            return plain
+        if judge(other.record()) - judge(plain.record()) <= TELL_APART:
+            return plain
+        replay = self.fitter.balances.replay
+        before, after = (
+            fits(replay.recorded, replay.simulated(replay.simulate(ship.record())), rows)
+            for ship in (plain, other)
+        )
+        worse = any(after[channel] < before[channel] - WORSE for channel in before)
+        return plain if worse else other
+
+    def told(self, fit: Fit, corrected: Ship) -> list[MovedNumber]:
+        """Numbers that were calibrated or free, and those that moved far inside their tolerances.
+
+        Args:
+            fit: with the effects that were named.
+            corrected: the ship that the diagnosis ends with.
+        """
+        start, values, shifts = self.start, self.values(fit), self.shifts(fit)
+        errors = dict(zip(self.keys, self._errors(fit), strict=True))
+        far = [key for key, shift in shifts.items() if abs(shift) >= TOLD]
+        found = []
+        for key in dict.fromkeys((*start.calibrated, *start.free, *far)):
+            file, now = number_of(start.file, key), number_of(corrected, key).value
+            value = values.get(key, number_of(start.ship, key).value)
+            source = "calibrated" if key in start.calibrated else "tolerance"
+            found.append(
+                MovedNumber(
+                    key, file.info.unit, file.value, value, float(errors.get(key, np.nan)),
+                    shifts.get(key, 0.0), "free" if key in start.free else source, now,
+                )
+            )  # fmt: skip
+        return found
+
+    def _errors(self, fit: Fit) -> NDArray[np.float64]:
+        """Standard error of each number, the effects beside it unsure as well, in its unit."""
+        fitter = self.fitter
+        here = fitter.predicted(fitter.trial_ship.record(fit.effects))
+        columns = []
+        for i, placed in enumerate(fit.effects):
+            for j, value in enumerate(placed.values):
+                values = [*placed.values]
+                values[j] += 1e-2 * abs(value) + 1e-9
+                trial = (*fit.effects[:i], placed.with_values(values), *fit.effects[i + 1 :])
+                moved = fitter.predicted(fitter.trial_ship.record(trial)) - here
+                if np.isfinite(moved).all():
+                    columns.append(moved)
+        regressors = np.array(columns).reshape(len(columns), *here.shape)
+        information = fitter.likelihood.information(fit.weight, regressors)
+        covariance = np.linalg.pinv(information, hermitian=True)[len(columns) :, len(columns) :]
+        variances = np.einsum("nk,kl,nl->n", self._changes, covariance, self._changes)
+        return np.asarray(np.sqrt(np.maximum(variances, 0.0)))

@@ -1,0 +1,79 @@
+"""The ship with which a diagnosis begins: what of its numbers was calibrated, and what is let move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ...plant.ship import Ship
+from .free import Free
+
+WIDE = 0.3
+"""Standard deviation of a number that is let move widely, as a share of it."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A ship as a diagnosis begins with it.
+
+    Args:
+        file: as its file has it.
+        ship: with the numbers that were calibrated, and with the tolerances of all.
+        calibrated: keys of the numbers that a healthy period has told.
+        free: keys of the numbers that move widely in the diagnosis itself.
+        left: why a number that was to be calibrated stays as it is, by key.
+        remarks: what a reader must know of it, a sentence each.
+    """
+
+    file: Ship
+    ship: Ship
+    calibrated: tuple[str, ...] = ()
+    free: tuple[str, ...] = ()
+    left: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+def check_free(ship: Ship, keys: Sequence[str], calibrated: bool) -> None:
+    """Refuse numbers that cannot be moved.
+
+    Args:
+        ship: nominal.
+        keys: dotted keys; none is fine.
+        calibrated: whether a healthy period is to tell them.
+
+    Raises:
+        ValueError: a key that is no number of this ship, or is given twice; or a number to be moved
+            widely that is 0 or that the kernels hold in another form; names it.
+    """
+    if not keys:
+        return
+    free = Free(ship, keys)
+    if calibrated:
+        return
+    for number in free.numbers:
+        if not number.field:
+            raise ValueError(
+                f"{ship.name}: {number.key} cannot move beside effects; calibrate it on a healthy period"
+            )
+        if number.value == 0.0 and not ship.tolerances.numbers.get(number.key):
+            raise ValueError(
+                f"{ship.name}: {number.key} is 0, of which no share is a tolerance: say how far it may "
+                f"be off [{number.info.unit}] under [tolerances.numbers]"
+            )
+
+
+def widened(ship: Ship, keys: Sequence[str]) -> Start:
+    """A ship some of whose numbers move by :data:`WIDE`, or by what its file says where that is more.
+
+    Args:
+        ship: nominal.
+        keys: dotted keys of the numbers, as :func:`check_free` lets pass.
+    """
+    if not keys:
+        return Start(ship, ship)
+    known = ship.tolerances.numbers
+    wide = {
+        n.key: max(WIDE * abs(n.value), known.get(n.key, 0.0)) for n in Free(ship, keys).numbers
+    }
+    moved = ship.with_values({"tolerances.numbers": known | wide})
+    return Start(ship, moved, free=tuple(keys))

@@ -1,0 +1,299 @@
+"""A governor that holds the shaft speed: demands that answer to what the encoder shows.
+
+The loop is closed once a sample: the reading, its noise and its rounding among them, goes into a
+proportional and integral rule, and the demand is held until the next. In between the equations of motion
+are integrated by the classical Runge-Kutta method in steps of a fifth of a sample or less.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .bench import THRUSTER, _motor, bench_numbers
+from .crew_demands import steady
+from .instruments import ENCODER_DIGIT, encoder_noise
+from .motion import STATES, _balance, compiled
+from .numbers import Numbers, as_record
+from .sail import FINE, STALLED, StalledError, _clock_table, _first_states, columns_of
+from .water import Waves, calm
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Governor:
+    """A proportional and integral rule from rad/s to the demand's unit.
+
+    Args:
+        gain: demand for each rad/s.
+        reset: of the integral, likewise for each second.
+        low: least demand.
+        high: most.
+        ramp: fastest change of the speed that is ordered [rad/s2].
+    """
+
+    gain: float
+    reset: float
+    low: float
+    high: float
+    ramp: float
+
+
+RACK = Governor(4.0, 2.0, 0.0, 34.0, 0.25)
+"""The frigate's, in mm of rack."""
+
+VOLTAGE = Governor(0.35, 0.8, -40.0, 40.0, 60.0)
+"""The thruster's, in V."""
+
+SUBSTEPS = 50
+"""Of a sample, on the bench: 2 ms where a sample is a tenth of a second."""
+
+
+def ramped(orders: Floats, governor: Governor, period: float) -> Floats:
+    """Ordered speeds [rad/s] that change no faster than the governor lets them."""
+    most, found = governor.ramp * period, np.array(orders, dtype=np.float64)
+    for k in range(1, len(found)):
+        found[k] = found[k - 1] + min(max(found[k] - found[k - 1], -most), most)
+    return found
+
+
+@compiled
+def _rule(error: float, memory: float, rule: Any, period: float) -> tuple[float, float]:
+    """Demand, and the integral that a limit does not wind up."""
+    gain, reset, low, high = rule
+    grown = memory + reset * period * error
+    demand = gain * error + grown
+    if low < demand < high:
+        return demand, grown
+    return min(max(demand, low), high), min(max(memory, low), high)
+
+
+@compiled
+def _runge_kutta(
+    t: float, h: float, y: Any, ship: Any, waves: Any, table: Any, step: float, k: Any, out: Any
+) -> None:
+    """One step of the states, in place."""
+    _balance(t, y, ship, waves, table, step, k[0], out)
+    _balance(t + 0.5 * h, y + 0.5 * h * k[0], ship, waves, table, step, k[1], out)
+    _balance(t + 0.5 * h, y + 0.5 * h * k[1], ship, waves, table, step, k[2], out)
+    _balance(t + h, y + h * k[2], ship, waves, table, step, k[3], out)
+    y += h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3])
+
+
+@compiled
+def _voyage(
+    ship: Any, waves: Any, table: Any, step: float, fine: int, orders: Any, noise: Any, digit: float,
+    rule: Any, closed: bool, first: float, start: Any, demands: Any, states: Any,
+) -> None:  # fmt: skip
+    """Fill states at the samples, the rack in the clock's table, and, in a closed loop, the demands."""
+    ship = ship[0]
+    y, k, out = start.copy(), np.zeros((4, len(start))), np.zeros(3)
+    memory, here = first, first
+    wanted = np.full(len(table), first)
+    for sample in range(len(orders)):
+        states[sample] = y
+        demand = demands[sample]
+        if closed:
+            reading = y[0] + noise[sample]
+            if digit > 0.0:
+                reading = np.round(reading / digit) * digit
+            demand, memory = _rule(orders[sample] - reading, memory, rule, step * fine)
+            demands[sample] = demand
+        if sample == len(orders) - 1:
+            break
+        for part in range(fine):
+            i = sample * fine + part
+            wanted[i] = min(max(demand, 0.0), ship.rack_high)
+            moved = wanted[i]
+            if ship.dead_time > 0.0:
+                t = i * step
+                wander = math.sin(2.0 * math.pi * t / 47.0) + math.sin(
+                    2.0 * math.pi * t / 17.3 + 1.0
+                )
+                late = ship.dead_time * (1.0 + 0.5 * ship.dead_time_jitter * wander)
+                place = max(i - late / step, 0.0)
+                below = min(int(place), i)
+                above = min(below + 1, i)
+                moved = wanted[below] + (place - below) * (wanted[above] - wanted[below])
+            if ship.rack_slowness > 0.0:
+                up = step / ship.rack_slowness
+                here += min(max(moved - here, -up / ship.rack_slowness_down), up)
+                moved = here
+            table[i, 0] = moved
+            table[i + 1, 0] = moved  # until its turn comes: the last stage looks at it
+            _runge_kutta(i * step, step, y, ship, waves, table, step, k, out)
+    table[len(table) - 1, 0] = table[len(table) - 2, 0]
+
+
+def _first_rack(numbers: Numbers, order: float, table: Floats) -> tuple[float, Floats]:
+    """Rack [mm] at which the true ship turns as is ordered, and its states there."""
+    ship = as_record(numbers)
+
+    def settled(rack: float) -> Floats:
+        held = table[:2].copy()
+        held[:, 0] = rack
+        return _first_states(ship, numbers, held)
+
+    rack, slope = steady(round(order, 3), round(float(table[0, 1]), 3))[0], 0.35
+    states = settled(rack)
+    for _ in range(6):
+        short = order - float(states[0])
+        if abs(short) < 1e-3:
+            break
+        there = min(max(rack + short / slope, 0.5), numbers["rack_high"])
+        moved = settled(there)
+        if there != rack and moved[0] != states[0]:
+            slope = min(max((moved[0] - states[0]) / (there - rack), 0.1), 2.0)
+        rack, states = there, moved
+    return rack, states
+
+
+def sail_governed(
+    numbers: Numbers, orders: Floats, pitch: Floats, period: float, seed: int, *,
+    waves: Waves | None = None, wind_seed: int = 0,
+) -> pd.DataFrame:  # fmt: skip
+    """Integrate the true ship under a governor.
+
+    Args:
+        numbers: of the true ship.
+        orders: shaft speed [rad/s], one a sample.
+        pitch: commanded pitch ratio likewise.
+        period: between samples [s].
+        seed: of the encoder's noise, as of the readings.
+        waves: from :func:`~.water.head_sea`; calm by default.
+        wind_seed: of the slow wandering of the resistance.
+
+    Returns:
+        True signals at the samples, with the rack that the governor asked for.
+
+    Raises:
+        StalledError: the engine stops.
+    """
+    waves = calm() if waves is None else waves
+    table = _clock_table(numbers, np.zeros(len(orders)), pitch, period, wind_seed)
+    first, start = _first_rack(numbers, float(orders[0]), table)
+    noise = encoder_noise(numbers, len(orders), seed)
+    digit = ENCODER_DIGIT if numbers["rounding"] > 0.0 else 0.0
+    demands, wanted = np.zeros(len(orders)), ramped(orders, RACK, period)
+    seen = (wanted, noise, digit, True)
+    return _sailed(numbers, demands, pitch, period, waves, table, seen, first, start)
+
+
+def sail_held(
+    numbers: Numbers, rack: Floats, pitch: Floats, period: float, *, waves: Waves | None = None,
+    wind_seed: int = 0,
+) -> pd.DataFrame:  # fmt: skip
+    """What :func:`~.sail.sail` does, for demands that never rest: a governor's, given again.
+
+    Args:
+        numbers: as of :func:`sail_governed`, likewise the rest.
+        rack: demand [mm], one a sample, held over it.
+        pitch: commanded pitch ratio likewise.
+        period: between samples [s].
+        waves: calm by default.
+        wind_seed: of the slow wandering of the resistance.
+
+    Raises:
+        StalledError: the engine stops.
+    """
+    waves = calm() if waves is None else waves
+    table = _clock_table(numbers, rack, pitch, period, wind_seed)
+    start = _first_states(as_record(numbers), numbers, table)
+    seen = (rack, np.zeros(len(rack)), 0.0, False)
+    first = float(np.clip(rack[0], 0.0, numbers["rack_high"]))
+    return _sailed(numbers, rack.copy(), pitch, period, waves, table, seen, first, start)
+
+
+def _sailed(
+    numbers: Numbers, demands: Floats, pitch: Floats, period: float, waves: Waves, table: Floats,
+    seen: tuple[Floats, Floats, float, bool], first: float, start: Floats,
+) -> pd.DataFrame:  # fmt: skip
+    ship, states = as_record(numbers), np.zeros((len(demands), STATES))
+    rule = (RACK.gain, RACK.reset, RACK.low, RACK.high)
+    orders, noise, digit, closed = seen
+    _voyage(
+        ship, waves, table, period / FINE, FINE, orders, noise, digit, rule, closed, first, start,
+        demands, states,
+    )  # fmt: skip
+    if not np.isfinite(states).all() or (states[:, 0] < STALLED).any():
+        raise StalledError("the engine stops")
+    return columns_of(demands, pitch, period, states, ship, waves, table)
+
+
+def bench_orders(volts: Floats) -> Floats:
+    """Shaft speeds [rad/s] that the file's thruster holds at some voltages."""
+    n = bench_numbers()
+    speeds = np.linspace(-150.0, 150.0, 6001)
+    turns = speeds / (2.0 * math.pi)
+    load = n["density"] * n["diameter"] ** 5 * n["kq"] * turns * np.abs(turns)
+    load += n["rub"] * np.tanh(speeds / 0.1)
+    pull = n["constant"] * n["gear"]
+    return np.asarray(np.interp(volts, n["ohm"] * load / pull + pull * speeds, speeds))
+
+
+@compiled
+def _bench(
+    ship: Any, period: float, substeps: int, orders: Any, noise: Any, digit: float, rule: Any,
+    first: float, demands: Any, states: Any, currents: Any,
+) -> None:  # fmt: skip
+    """Fill demands, states and currents at the samples."""
+    ship = ship[0]
+    y, k, h, memory = np.zeros(4), np.zeros((4, 4)), period / substeps, first
+    y[0] = orders[0]
+    y[1] = orders[0]
+    for sample in range(len(orders)):
+        states[sample] = y
+        reading = y[0] + noise[sample]
+        if digit > 0.0:
+            reading = np.round(reading / digit) * digit
+        volt, memory = _rule(orders[sample] - reading, memory, rule, period)
+        demands[sample] = volt
+        currents[sample] = _motor(volt, y, ship, k[0])
+        for _ in range(substeps):
+            _motor(volt, y, ship, k[0])
+            _motor(volt, y + 0.5 * h * k[0], ship, k[1])
+            _motor(volt, y + 0.5 * h * k[1], ship, k[2])
+            _motor(volt, y + h * k[2], ship, k[3])
+            y += h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3])
+
+
+def run_bench_governed(numbers: Numbers, orders: Floats, period: float, seed: int) -> pd.DataFrame:
+    """Integrate the thruster under a governor; true signals, with the voltage that it asked for.
+
+    Args:
+        numbers: from :func:`~.bench.bench_numbers`, with effects.
+        orders: shaft speed [rad/s], one a sample.
+        period: between samples [s].
+        seed: of the encoder's noise, as of the readings.
+    """
+    record = np.zeros(1, THRUSTER)
+    for name, value in numbers.items():
+        record[name] = value
+    noise = encoder_noise(numbers, len(orders), seed)
+    digit = ENCODER_DIGIT if numbers["rounding"] > 0.0 else 0.0
+    wanted = ramped(orders, VOLTAGE, period)
+    rule = (VOLTAGE.gain, VOLTAGE.reset, VOLTAGE.low, VOLTAGE.high)
+    demands, currents = np.zeros((2, len(orders)))
+    states = np.zeros((len(orders), 4))
+    first = float(np.interp(orders[0], bench_orders(VOLTS), VOLTS))
+    _bench(record, period, SUBSTEPS, wanted, noise, digit, rule, first, demands, states, currents)
+    turns = states[:, 0] / (2.0 * math.pi)
+    thrust = numbers["density"] * numbers["diameter"] ** 4 * numbers["kt"] * turns * np.abs(turns)
+    return pd.DataFrame(
+        {
+            "time_s": np.arange(len(orders)) * period,
+            "motor_voltage_V": demands,
+            "shaft_speed_rad_s": states[:, 0],
+            "motor_current_A": currents,
+            "thrust_N": thrust,
+        }
+    )
+
+
+VOLTS = np.linspace(-48.0, 48.0, 193)

@@ -1,0 +1,74 @@
+"""What reports say of the ship's numbers."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from shaftline.mismatch import Diagnosis
+from shaftline.mismatch.numbers.moved import MovedNumber
+from shaftline.mismatch.numbers.wrong import WrongNumber
+from shaftline.mismatch.report.html import report_html
+
+from ..diagnoses import diagnosis_of
+
+RESISTANCE, INERTIA = (
+    "hull.resistance_coefficient_N_s2_m2", "transmission.inertia_engine_side_kg_m2",
+)  # fmt: skip
+NUMBERS = [
+    MovedNumber(RESISTANCE, "N s2/m2", 3306.2, 3471.5, 6.125, -0.75, "calibrated", 3472.5),
+    MovedNumber(INERTIA, "kg m2", 53697.0, 48000.0, math.nan, 3.0, "free", 53697.0),
+]
+WRONG = WrongNumber("prime_mover.torque_offset_N_m", -7381.0, -6321.5, "N m", 345.0)
+
+
+def told(**more: Any) -> Diagnosis:
+    return diagnosis_of("explained", numbers=NUMBERS, wrong=[WRONG], **more)
+
+
+def test_they_stand_in_the_data() -> None:
+    report = told().to_dict()
+    assert report["numbers"] == {
+        RESISTANCE: {"file": 3306.2, "value": 3471.5, "se": 6.125, "moved": -0.75,
+                     "source": "calibrated", "corrected": 3472.5},
+        INERTIA: {"file": 53697.0, "value": 48000.0, "se": None, "moved": 3.0,
+                  "source": "free", "corrected": 53697.0},
+    }  # fmt: skip
+    assert report["effects"][0]["wrong_number"] == {
+        "key": "prime_mover.torque_offset_N_m", "file": -7381.0, "value": -6321.5, "gain": 345.0,
+    }  # fmt: skip
+    json.dumps(report, allow_nan=False)
+    assert diagnosis_of("nothing-missing").to_dict()["numbers"] == {}
+
+
+def test_they_stand_in_the_text() -> None:
+    said = told().summary()
+    row = next(line for line in said.splitlines() if line.startswith(RESISTANCE))
+    assert row.split()[1:4] == ["3306.2", "3471.5", "6.1"]
+    assert "-0.8" in row
+    assert "told by the healthy period" in row
+    assert (
+        "coulomb-friction (engine): A wrong prime_mover.torque_offset_N_m would explain it as well "
+        "(−6322 N m; the file has −7381 N m)."
+    ) in said
+    assert "The ship's numbers" not in diagnosis_of("explained").summary()
+    assert "wrong" not in diagnosis_of("explained").summary()
+
+
+def test_they_stand_on_the_page() -> None:
+    page = report_html(told())
+    assert "<h2>The ship's numbers</h2>" in page
+    assert "told by the healthy period" in page
+    assert "A wrong prime_mover.torque_offset_N_m would explain it as well" in page
+    assert "<h2>The ship's numbers</h2>" not in report_html(diagnosis_of("explained"))
+
+
+def test_numbers_that_explain_are_the_answer() -> None:
+    right = MovedNumber(RESISTANCE, "N s2/m2", 3306.2, 3967.0, 6.0, 0.67, "free", 3967.0)
+    found = diagnosis_of("nothing-missing", numbers=[right, NUMBERS[1]])
+    assert found.sentence.startswith("Nothing is missing once the numbers are right: hull.")
+    assert f"{RESISTANCE} is 3967 N s²/m² in place of 3306 N s²/m². The" in found.sentence
+    assert INERTIA not in found.sentence  # the corrected ship has it as the file has
+    plain = diagnosis_of("nothing-missing", numbers=NUMBERS)
+    assert plain.sentence.startswith("Nothing is missing: ")
