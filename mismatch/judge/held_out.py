@@ -64,7 +64,7 @@ def _coverage(replay: JointReplay, whole: tuple[int, int], part: tuple[int, int]
 def held_out_judge(fitter: Fitter, held: Segments) -> Callable[[Any], float]:
     """2 log L of a ship's record on the held-out part alone."""
     balances, replay = fitter.balances, fitter.balances.replay
-    bands = bands_of(balances, held)
+    bands = bands_of(balances, held, fitter.bands.highest_Hz)
     measured = bands.transform(balances.residuals(replay.measured))
     likelihood = Likelihood(bands, np.zeros((1, *measured.shape), np.complex128))
 

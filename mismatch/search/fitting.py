@@ -8,8 +8,9 @@ physics.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
 from ..estimate import Estimate
+from ..simulate.at_once import at_once
 from ..simulate.balances import Balances
 from ..simulate.tolerances import UNMOVED, tolerance_records
 from .placed import Placed
@@ -26,6 +28,9 @@ from .trial_ship import TrialShip
 
 MOST_WIDENING = 0.05
 """Most that the error of a form widens an interval by, as a share of the effect's size."""
+
+REMEMBERED, REMEMBERED_BYTES = 64, 64e6
+"""Simulations that a fitter remembers: so many, of so much memory at most, but four in any case."""
 
 EDGE_S = 30.0
 """Unit of a window's edges in the search [s]."""
@@ -71,10 +76,10 @@ class Fitter:
         replay = balances.replay
         self.measured = bands.transform(balances.residuals(replay.measured))
         self._cache: dict[bytes, Complex] = {}
+        self._room = int(np.clip(REMEMBERED_BYTES / self.measured.nbytes, 4, REMEMBERED))
         nominal = self.predicted(self.trial_ship.nominal)
-        columns = []
-        for record, shift in tolerance_records(replay, scale, free):
-            columns.append(self._predict(record, shift) - nominal)
+        moved = tolerance_records(replay, scale, free)
+        columns = list(at_once(lambda one: self._predict(*one) - nominal, moved))
         self.nuisance = np.array(columns)
         self.likelihood = Likelihood(bands, self.nuisance)
         self._shares = np.zeros(len(columns))
@@ -84,19 +89,28 @@ class Fitter:
     def _predict(self, record: Any, shift: tuple[float, float, float] = UNMOVED) -> Complex:
         self.simulations += 1
         replay = self.balances.replay
-        samples = replay.simulate(record, shift)
         with np.errstate(invalid="ignore", over="ignore"):  # a trial may run away; it is refused
-            lacking = self.balances.residuals(replay.simulated(samples))
+            lacking = self.balances.residuals(replay.channels_of(record, shift))
             return self.bands.transform(lacking)
 
     def predicted(self, record: Any) -> Complex:
         """Transformed balance residuals of a simulation; remembers the last ones."""
         key = record.tobytes()
         if key not in self._cache:
-            if len(self._cache) > 64:
-                self._cache.pop(next(iter(self._cache)))
-            self._cache[key] = self._predict(record)
+            self._remember(key, self._predict(record))
         return self._cache[key]
+
+    def ahead(self, records: Iterable[Any]) -> None:
+        """Simulate records that are asked for next, several at once; no more than are remembered."""
+        pending = {key: r for r in records if (key := r.tobytes()) not in self._cache}
+        chosen = dict(itertools.islice(pending.items(), self._room // 2))
+        for key, found in zip(chosen, at_once(self._predict, chosen.values()), strict=True):
+            self._remember(key, found)
+
+    def _remember(self, key: bytes, found: Complex) -> None:
+        if len(self._cache) >= self._room:
+            self._cache.pop(next(iter(self._cache)))
+        self._cache[key] = found
 
     def fitted(self, effects: tuple[Placed, ...]) -> Fit:
         """Score of effects at their values, the nominal numbers adjusted inside their tolerances."""

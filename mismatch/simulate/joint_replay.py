@@ -8,6 +8,7 @@ make inertia look added where none is (errors in variables).
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from ...plant.columns import MEASURED, SHAFT_ANGLE
 from ...plant.replay import Replay
 from ...plant.ship import Ship
+from ...plant.signals import SAMPLE
 from ..recordings.noise import describe
 
 START_STEPS = 40
@@ -38,6 +40,20 @@ def _moves(demand: NDArray[np.float64]) -> bool:
     return bool(np.ptp(np.quantile(demand, [0.02, 0.98])) > DULL_SHARE * max(size, 1e-12))
 
 
+def blocks(rows: NDArray[np.float64], every: int) -> NDArray[np.float64]:
+    """Means over so many rows each; what is left over at the end is dropped.
+
+    Args:
+        rows: shape (n, ...).
+        every: at least 1.
+    """
+    if every == 1:
+        return rows
+    count = len(rows) // every
+    cut = rows[: count * every]
+    return np.asarray(cut.reshape(count, every, *cut.shape[1:]).mean(axis=1))
+
+
 class JointReplay:
     """One or more recordings of a ship, each simulated from its own start, end to end in the arrays.
 
@@ -45,34 +61,40 @@ class JointReplay:
         ship: the nominal ship.
         tables: canonical columns at an even interval, all finite; equal columns and intervals.
         line: whether demands are straight lines between rows instead of held.
+        every: rows that are averaged into one, of what was recorded and simulated alike; the simulation
+            goes from row to row all the same. Rows left over at a recording's end are dropped.
 
     Raises:
         ValueError: recordings that do not go together.
     """
 
-    def __init__(self, ship: Ship, *tables: pd.DataFrame, line: bool = False) -> None:
+    def __init__(
+        self, ship: Ship, *tables: pd.DataFrame, line: bool = False, every: int = 1
+    ) -> None:
         self.ship = ship
+        self.line, self.every = line, every
         over = START_STEPS * ship.time_step_s
         self.runs = [Replay(ship, table, over, line) for table in tables]
         first = self.runs[0]
-        self.interval_s = first.interval_s
+        self.interval_s = first.interval_s * every
         self.controllable = ship.has_variable_pitch
         self.channels = first.channels
         for number, run in enumerate(self.runs[1:], 2):
-            if run.channels != self.channels or abs(run.interval_s / self.interval_s - 1.0) > 0.01:
+            if run.channels != self.channels or abs(run.interval_s / first.interval_s - 1.0) > 0.01:
                 raise ValueError(
                     f"recording {number} has other columns or another interval than the first: "
                     f"{', '.join(run.channels)} every {run.interval_s:g} s, not "
-                    f"{', '.join(self.channels)} every {self.interval_s:g} s"
+                    f"{', '.join(self.channels)} every {first.interval_s:g} s"
                 )
-        ends = np.cumsum([run.rows for run in self.runs])
-        self.segments = [(int(e) - r.rows, int(e)) for e, r in zip(ends, self.runs, strict=True)]
+        sizes = [run.rows // every for run in self.runs]
+        ends = np.cumsum(sizes)
+        self.segments = [(int(e) - size, int(e)) for e, size in zip(ends, sizes, strict=True)]
         self.rows = int(ends[-1])
         self.time_s = np.arange(self.rows, dtype=np.float64) * self.interval_s
         self.start = first.start
 
         def joined(name: str) -> NDArray[np.float64]:
-            return np.concatenate([getattr(run, name) for run in self.runs])
+            return self._averaged([getattr(run, name) for run in self.runs])
 
         self.drive_rows, self.command = joined("drive_rows"), joined("command")
         loading = [self.drive_rows, self.command]
@@ -81,7 +103,11 @@ class JointReplay:
             loading.append(self.recorded["ship_speed_m_s"])
         self.excited = any(_moves(signal) for signal in loading)
         self.elevation_rows = joined("elevation_rows")
-        self.inflow_rows = np.concatenate([run.inflow_rows(ship.record()) for run in self.runs])
+        self.inflow_rows = self._averaged([run.inflow_rows(ship.record()) for run in self.runs])
+
+    def _averaged(self, parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """A signal of every run, shape (rows of the run,) or (rows, signals), end to end."""
+        return np.concatenate([blocks(part, self.every) for part in parts])
 
     def simulate(self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
         """Samples at the recordings' rows under a ship record; SAMPLE array of shape (rows,).
@@ -90,13 +116,34 @@ class JointReplay:
             plant: ship record.
             shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s].
         """
-        found = [
-            self.simulate_run(
-                run, plant, tuple(a + b for a, b in zip(run.start, shift, strict=True))
-            )
-            for run in self.runs
+        found = list(self._sailed(plant, shift, self.simulate_run))
+        if self.every == 1:
+            return found[0] if len(found) == 1 else np.concatenate(found)
+        width = len(SAMPLE)
+        plain = self._averaged([part.view(np.float64).reshape(-1, width) for part in found])
+        return np.ascontiguousarray(plain).view(SAMPLE).ravel()
+
+    def channels_of(
+        self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> dict[str, NDArray[np.float64]]:
+        """The measured channels of a simulation alone, as :meth:`simulated` gives them.
+
+        Args:
+            plant: ship record.
+            shift: as of :meth:`simulate`.
+        """
+        parts = [
+            {c: blocks(samples[MEASURED[c]], self.every) for c in self.channels}
+            for samples in self._sailed(plant, shift, self.simulate_into)
         ]
-        return found[0] if len(found) == 1 else np.concatenate(found)
+        return {c: np.concatenate([part[c] for part in parts]) for c in self.channels}
+
+    def _sailed(
+        self, plant: Any, shift: tuple[float, float, float], simulate: Callable[..., NDArray[Any]]
+    ) -> Iterator[NDArray[Any]]:
+        for run in self.runs:
+            start = tuple(a + b for a, b in zip(run.start, shift, strict=True))
+            yield simulate(run, plant, start)
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
         """Samples at one recording's rows.
@@ -108,11 +155,15 @@ class JointReplay:
         """
         return run.simulate(plant, start)
 
+    def simulate_into(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
+        """The same, in memory that the thread's next simulation fills anew."""
+        return run.simulate_into(plant, start)
+
     @functools.cached_property
     def recorded(self) -> dict[str, NDArray[np.float64]]:
         """Measured channels by column as they were recorded, each of shape (rows,)."""
         return {
-            c: np.concatenate([run.table[c].to_numpy(dtype=np.float64) for run in self.runs])
+            c: self._averaged([run.table[c].to_numpy(dtype=np.float64) for run in self.runs])
             for c in self.channels
         }
 

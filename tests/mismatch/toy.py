@@ -108,6 +108,9 @@ class Toy:
     def simulated(self, samples: dict[str, Array]) -> dict[str, Array]:
         return {name: samples[name] for name in self.names}
 
+    def channels_of(self, plant: Any, shift: Any = (0.0, 0.0, 0.0)) -> dict[str, Array]:
+        return self.simulated(self.simulate(plant, shift))
+
     def residuals(self, channels: dict[str, Array]) -> Array:
         return np.array([channels[name] for name in self.names])
 
