@@ -94,8 +94,8 @@ class Settings:
     def corrected(self, selection: Selection) -> bool:
         """Whether the other way is the likelier one after all, now that effects are known.
 
-        Both are given what the search asked for, and its first effect alone: a later one may only make up
-        for demands that are taken wrongly, as a delay does.
+        Both are given what the search asked for, and its first effect alone: a later one may only make
+        up for demands that are taken wrongly, as a delay does.
 
         Args:
             selection: what a search on the best way has found.

@@ -114,7 +114,7 @@ def load_recording(path: str | Path, ship: Ship, columns: str | Path | None = No
     check_bounds(path, numbers)
     noise = {c: describe(table[c].to_numpy(), interval) for c in table if c != TIME}
     warnings += at_rest(table, ship, noise)
-    limits = (*too_short(table, interval, ship), *dull(table, ship, noise))
+    limits = (*too_short([table], interval, ship), *dull(table, ship, noise))
     return Recording(path, table, float(interval), noise, tuple(warnings), limits)
 
 

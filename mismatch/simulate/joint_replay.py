@@ -19,25 +19,16 @@ from ...plant.columns import MEASURED, SHAFT_ANGLE
 from ...plant.replay import Replay
 from ...plant.ship import Ship
 from ...plant.signals import SAMPLE
+from ..recordings.loading import loaded, moves
 from ..recordings.noise import describe
 
 START_STEPS = 40
 """Time steps of the ship over which the first state is averaged."""
 
-DULL_SHARE = 0.05
-"""Demands that move over less than this share of their size tell no effect from another."""
-
-
 RESOLUTION = 1e-5
 """Share of its largest value that a channel is read to at best: one that was simulated, not measured,
 would be infinitely sure of itself. Of an angle, which has no largest value, the largest step counts.
 """
-
-
-def _moves(demand: NDArray[np.float64]) -> bool:
-    """Whether a demand moves enough to tell one effect from another."""
-    size = float(np.abs(demand).max())
-    return bool(np.ptp(np.quantile(demand, [0.02, 0.98])) > DULL_SHARE * max(size, 1e-12))
 
 
 def blocks(rows: NDArray[np.float64], every: int) -> NDArray[np.float64]:
@@ -97,11 +88,10 @@ class JointReplay:
             return self._averaged([getattr(run, name) for run in self.runs])
 
         self.drive_rows, self.command = joined("drive_rows"), joined("command")
-        loading = [self.drive_rows, self.command]
-        if not ship.turns_freely and "ship_speed_m_s" in self.channels:
-            # at a speed that is held, it is the ship's that changes the propeller's load
-            loading.append(self.recorded["ship_speed_m_s"])
-        self.excited = any(_moves(signal) for signal in loading)
+        self.excited = any(
+            moves(run.drive_rows) or moves(run.command) or loaded(ship, run.table)
+            for run in self.runs
+        )
         self.elevation_rows = joined("elevation_rows")
         self.inflow_rows = self._averaged([run.inflow_rows(ship.record()) for run in self.runs])
 
