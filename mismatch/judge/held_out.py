@@ -16,7 +16,7 @@ from ..simulate.joint_replay import JointReplay
 HELD_OUT_SHARE = 0.25
 
 SEVERAL = 3
-"""Recordings from which on whole ones are set aside: two are then left at least, and whole ones alone tell
+"""Recordings from which on whole ones are set aside: two are then left, and whole ones alone tell
 what a model is worth on another day."""
 
 MOST_WAYS = 3
