@@ -80,7 +80,7 @@ class Settings:
         if 0.5 * replay.interval_s * highest > ALIKE:
             drawn = Balances(JointReplay(ship, *together.tables, line=True, every=every))
             bands = bands_of(drawn, _segments(first), highest)
-            whiteness = Whiteness(Fitter(drawn, bands, tolerance), drawn.replay.noise_rms)
+            whiteness = _whiteness(Fitter(drawn, bands, tolerance))
             self.tried.append(Setting(whiteness, first.held))
             # held ones, which a controller's are, unless it is clear
             now, other = (setting.fitter.null.score for setting in self.tried)
@@ -137,10 +137,15 @@ def _parted(
     parted = []
     for train, held in set_aside(balances.replay, runs):
         fitter = Fitter(balances, bands_of(balances, train, highest_Hz), tolerance)
-        parted.append((Whiteness(fitter, balances.replay.noise_rms), held))
+        parted.append((_whiteness(fitter), held))
         if parted[-1][0].colour(fitter.null) is not None:
             return parted[-1]
     return parted[0]
+
+
+def _whiteness(fitter: Fitter) -> Whiteness:
+    replay = fitter.balances.replay
+    return Whiteness(fitter, replay.noise_rms, replay.quantisation)
 
 
 def _segments(setting: Setting) -> Segments:

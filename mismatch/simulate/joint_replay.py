@@ -178,6 +178,16 @@ class JointReplay:
             for column, values in self.measured.items()
         }
 
+    @functools.cached_property
+    def quantisation(self) -> dict[str, float]:
+        """Steps of the measured channels that are coarser than their noise, by column, in their units."""
+        found = {}
+        for column in self.channels:
+            own = describe(self.runs[0].table[column].to_numpy(), self.runs[0].interval_s)
+            if own.white_rms < 0.5 * own.quantisation:
+                found[column] = own.quantisation
+        return found
+
     def simulated(self, samples: Any) -> dict[str, NDArray[np.float64]]:
         """The same channels of a simulation."""
         return {c: np.ascontiguousarray(samples[MEASURED[c]]) for c in self.channels}
