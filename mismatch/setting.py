@@ -7,6 +7,7 @@ recording comes to the same verdict raw or filtered, at any rate that holds thos
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -24,6 +25,11 @@ from .simulate.joint_replay import JointReplay
 
 ALIKE = 0.005
 """Of a period at the highest frequency: where half an interval is less, both ways are the same."""
+
+
+DOUBTED = 0.05
+"""Of a period at the highest frequency: half an interval that is more leaves it open when, between two rows,
+a drawn demand moved."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,7 @@ class Settings:
             balances = Balances(JointReplay(ship, *together.tables, every=every))
         first = Setting(*_parted(balances, together.held_out, tolerance, highest))
         self.tried = [first]
-        self._gain, self._settled = 0.0, False
+        self._gain, self._settled, self._tolerance = 0.0, False, tolerance
         if 0.5 * replay.interval_s * highest > ALIKE:
             drawn = Balances(JointReplay(ship, *together.tables, line=True, every=every))
             bands = bands_of(drawn, _segments(first), highest)
@@ -86,10 +92,21 @@ class Settings:
             now, other = (setting.fitter.null.score for setting in self.tried)
             self._exchanged(now, other, TELL_APART)
 
+    @functools.cached_property
+    def _doubted(self) -> Setting:
+        """Drawn demands, the times of whose moves between two rows are not known."""
+        drawn = next(setting for setting in self.tried if setting.line)
+        plain = drawn.fitter
+        replay = plain.balances.replay
+        if 0.5 * replay.interval_s / replay.every * plain.bands.highest_Hz < DOUBTED:
+            return drawn
+        fitter = Fitter(plain.balances, plain.bands, self._tolerance, doubt=True)
+        return Setting(_whiteness(fitter), drawn.held)
+
     @property
     def best(self) -> Setting:
         """The likelier one."""
-        return self.tried[0]
+        return self._doubted if self.tried[0].line else self.tried[0]
 
     def corrected(self, selection: Selection) -> bool:
         """Whether the other way is the likelier one after all, now that effects are known.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import threading
 from typing import Any
@@ -123,6 +124,18 @@ class Replay:
         """A line between rows, as each step's value at its middle."""
         middles = self.dt * (np.arange((self.rows - 1) * self.per_row) + 0.5)
         return np.ascontiguousarray(np.interp(middles, self.time_s, rows))
+
+    def with_holds(self, moves: NDArray[np.bool_]) -> Replay:
+        """The same run with demands held from some rows to their next ones.
+
+        Args:
+            moves: whether the demands are held from a row on, shape (rows - 1,).
+        """
+        other = copy.copy(self)
+        steps = np.repeat(moves, self.per_row)
+        other.drive = np.where(steps, self._held(self.drive_rows), self.drive)
+        other.pitch = np.where(steps, self._held(self.command), self.pitch)
+        return other
 
     def _continuous(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         fine = np.arange(2 * (self.rows - 1) * self.per_row + 1) * (0.5 * self.dt)

@@ -32,6 +32,10 @@ MOST_WIDENING = 0.05
 REMEMBERED, REMEMBERED_BYTES = 64, 64e6
 """Simulations that a fitter remembers: so many, of so much memory at most, but four in any case."""
 
+MISTIMED = 2.0 / math.sqrt(12.0)
+"""Standard deviation of the time at which a demand moves between two rows, in what holding it up to the
+next row does beside a line: evenly likely over the interval, of which that is half."""
+
 EDGE_S = 30.0
 """Unit of a window's edges in the search [s]."""
 
@@ -64,10 +68,16 @@ class Fitter:
         bands: frequencies of the part that may be fitted.
         scale: factor on all tolerances of the nominal numbers.
         free: dotted keys of numbers that are fitted, whatever their tolerances.
+        doubt: whether the times at which demands move between two rows are doubted too.
     """
 
     def __init__(
-        self, balances: Balances, bands: Bands, scale: float = 1.0, free: Collection[str] = ()
+        self,
+        balances: Balances,
+        bands: Bands,
+        scale: float = 1.0,
+        free: Collection[str] = (),
+        doubt: bool = False,
     ) -> None:
         self.balances = balances
         self.bands = bands
@@ -80,6 +90,10 @@ class Fitter:
         nominal = self.predicted(self.trial_ship.nominal)
         moved = tolerance_records(replay, scale, free)
         columns = list(at_once(lambda one: self._predict(*one) - nominal, moved))
+        if doubt:
+            for other in replay.mistimed():
+                lacking = balances.residuals(other.channels_of(self.trial_ship.nominal))
+                columns.append(MISTIMED * (bands.transform(lacking) - nominal))
         self.nuisance = np.array(columns)
         self.likelihood = Likelihood(bands, self.nuisance)
         self._shares = np.zeros(len(columns))
@@ -149,7 +163,9 @@ class Fitter:
         share = self.likelihood.amount(base.weight, base.difference, column)
         low, high = self.trial_ship.range_of(parameter)
         value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
-        if abs(value - neutral) <= parameter.least or (value < neutral and not parameter.signed):
+        if abs(value - neutral) <= self.trial_ship.least(parameter) or (
+            value < neutral and not parameter.signed
+        ):
             return None
         return placed.with_values((value, *placed.values[1:]))
 
@@ -251,7 +267,7 @@ class _Search:
             base = trial_ship.origin(parameter)
             self._neutral.append(base)
             self._sign.append(1.0 if value >= base else -1.0)
-            self._least.append(parameter.least)
+            self._least.append(trial_ship.least(parameter))
 
     def point(self) -> NDArray[np.float64]:
         """Coordinates of the effect as it was placed."""

@@ -7,6 +7,7 @@ make inertia look added where none is (errors in variables).
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -24,6 +25,10 @@ from ..recordings.noise import describe
 
 START_STEPS = 40
 """Time steps of the ship over which the first state is averaged."""
+
+MOVES_APART = 12
+"""Moves of the demands whose times between two rows are doubted one by one."""
+
 
 RESOLUTION = 1e-5
 """Share of its largest value that a channel is read to at best: one that was simulated, not measured,
@@ -123,10 +128,36 @@ class JointReplay:
             shift: as of :meth:`simulate`.
         """
         parts = [
-            {c: blocks(samples[MEASURED[c]], self.every) for c in self.channels}
+            {c: blocks(samples[MEASURED[c]].copy(), self.every) for c in self.channels}
             for samples in self._sailed(plant, shift, self.simulate_into)
         ]
         return {c: np.concatenate([part[c] for part in parts]) for c in self.channels}
+
+    def mistimed(self) -> Iterator[JointReplay]:
+        """The same with some moves of the demands held up to the next row instead of drawn as a line.
+
+        When between two rows a demand moved is not recorded. The :data:`MOVES_APART` largest moves may
+        each have come at a time of its own, all others at one.
+        """
+        sizes = []
+        for run in self.runs:
+            size = np.zeros(run.rows - 1)
+            for rows in (run.drive_rows, run.command):
+                size += np.abs(np.diff(rows)) / max(float(np.ptp(rows)), 1e-12)
+            sizes.append(size)
+        every = np.concatenate(sizes)
+        ranks = np.empty(len(every), np.int64)
+        ranks[np.argsort(-every, kind="stable")] = np.arange(len(every))
+        cuts = np.cumsum([len(size) for size in sizes])[:-1]
+        for group in range(MOVES_APART + 1):
+            chosen = ranks == group if group < MOVES_APART else ranks >= MOVES_APART
+            if every[chosen].any():
+                other = copy.copy(self)
+                parts = np.split(chosen, cuts)
+                other.runs = [
+                    run.with_holds(part) for run, part in zip(self.runs, parts, strict=True)
+                ]
+                yield other
 
     def _sailed(
         self, plant: Any, shift: tuple[float, float, float], simulate: Callable[..., NDArray[Any]]
@@ -180,7 +211,7 @@ class JointReplay:
 
     @functools.cached_property
     def quantisation(self) -> dict[str, float]:
-        """Steps of the measured channels that are coarser than their noise, by column, in their units."""
+        """Steps of the channels in which they are coarser than the noise, by column, in their units."""
         found = {}
         for column in self.channels:
             own = describe(self.runs[0].table[column].to_numpy(), self.runs[0].interval_s)

@@ -15,6 +15,8 @@ from shaftline.mismatch.setting import Settings
 from shaftline.plant import Ship
 from shaftline.plant.replay import simulate_recording
 
+from .voyages import frigate_voyage, quick_frigate
+
 FRICTION = "transmission.coulomb_friction_engine_side_N_m"
 INTERVAL_S = 0.005
 
@@ -72,3 +74,18 @@ def test_rows_far_apart_in_a_period_are_tried_both_ways(servo: Ship) -> None:
         return Settings(quick(servo), load_jointly(servo, [table]), [], 1.0)
 
     assert len(settings(20).tried) == 2
+
+
+def test_a_slow_log_does_not_make_delays_of_when_its_demands_moved() -> None:
+    """Steps at any time of a second, logged once a second."""
+    table = frigate_voyage(quick_frigate(), seed=33, seconds=900.0)
+    found = diagnose(quick_frigate(), table.iloc[::5].reset_index(drop=True))
+    assert found.line
+    assert found.verdict == "nothing-missing"
+
+
+def test_coarse_steps_are_not_called_missing_physics() -> None:
+    table = frigate_voyage(quick_frigate(), seed=21, seconds=400.0)
+    steps = {"shaft_speed_rad_s": 0.1, "shaft_torque_N_m": 5000.0, "pitch_ratio": 0.02}
+    coarse = {c: np.round(table[c] / q) * q for c, q in steps.items()}
+    assert diagnose(quick_frigate(), table.assign(**coarse)).verdict == "nothing-missing"

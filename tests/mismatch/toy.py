@@ -70,6 +70,8 @@ class Toy:
     dt = 0.05
     rows = ROWS
     excited = True
+    line = False
+    every = 1
 
     def __init__(
         self, truth: dict[str, float], noise: Array, known: float = 0.0, ship: Ship | None = None
@@ -81,6 +83,7 @@ class Toy:
         self.ship = frigate.with_values(exact | {"tolerances.resistance": known})
         self.plant = self.ship.record()
         self.runs = [self]
+        self.quantisation: dict[str, float] = {}
         self.time_s = TIME
         self.drive_rows = 20.0 + 3.0 * steps(5)
         self.command = np.full(ROWS, 1.2)

@@ -190,3 +190,18 @@ def test_scales_have_no_sign_and_are_never_zero(toy: Any) -> None:
         assert found[name] == pytest.approx(ahead[name])
     assert found["current_top"] == 3.0
     assert found["torque"] == 1e-9
+
+
+def test_a_delay_is_no_shorter_than_the_recording_tells(monkeypatch: pytest.MonkeyPatch) -> None:
+    (delay,) = entry("engine-dead-time (engine)").parameters
+    (play,) = entry("pitch-backlash (pitch-actuator)").parameters
+    toy: Any = Toy({}, white(0, 1.0, 1.0))
+    assert TrialShip(toy).least(delay) == 0.5  # of rows a second apart
+    monkeypatch.setattr(Toy, "line", True)
+    assert TrialShip(toy).least(delay) == 1.0
+    monkeypatch.setattr(Toy, "every", 4)
+    assert TrialShip(toy).least(delay) == 0.25
+    assert TrialShip(toy).least(play) == 0.0
+    toy.quantisation = {"pitch_ratio": 0.03}
+    assert TrialShip(toy).least(play) == 0.03
+    assert min(TrialShip(toy).probes(play)) >= 0.03
