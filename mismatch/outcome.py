@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,6 +48,9 @@ class Outcome:
         fit_after: likewise, of the corrected ship.
         held_out_gain: of the corrected ship in 2 log L, on the held-out part alone.
         excited: whether the demands move enough to tell effects apart.
+        line: whether the demands are taken as straight lines between rows instead of held.
+        highest_Hz: up to which the recording was judged [Hz].
+        rows_averaged: of the recording, in each row of the arrays.
         limits: why the recording may not decide.
         warnings: what was noticed about the recording.
         numbers: of the ship that were calibrated or free, or that the recording moved far.
@@ -77,6 +81,9 @@ class Outcome:
     fit_after: dict[str, float]
     held_out_gain: float
     excited: bool
+    line: bool = False
+    highest_Hz: float = math.inf
+    rows_averaged: int = 1
     limits: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     numbers: list[MovedNumber] = field(default_factory=list)

@@ -21,7 +21,7 @@ from .diagnosis import Diagnosis
 from .judge.confirmation import confirmed
 from .judge.findings import detectable_effects, findings_of
 from .judge.fit import fits
-from .judge.held_out import Segments, bands_of, held_out_judge, set_aside
+from .judge.held_out import Segments, held_out_judge
 from .judge.location import active_windows, change_points, regime, windows_between
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_of
 from .judge.verdict import EXPLAINED, UNEXPLAINED, verdict_of
@@ -37,8 +37,8 @@ from .search.catalogue import applicable
 from .search.fitting import Fitter
 from .search.placed import Window
 from .search.selection import Selection, Selector
+from .setting import Settings
 from .simulate.balances import Balances
-from .simulate.joint_replay import JointReplay
 
 
 def diagnose(
@@ -105,34 +105,28 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
     """Recordings that were read, with a ship whose numbers are as :func:`begin` has them."""
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.hearing(start.ship, together.signals))
+        columns = set(together.tables[0].columns)
+        effects = applicable(start.ship, columns, options.exclude, options.own_effects)
         ship = start.ship
         for _ in range(MOST_ROUNDS):
-            balances = Balances(JointReplay(ship, *together.tables))
-            whiteness, held = _parted(balances, together.held_out, options.tolerance)
-            numbers = Numbers(start, whiteness.fitter)
-            nearer = numbers.relinearised() if start.free else None
+            settings = Settings(ship, together, effects, options.tolerance)
+            nearer = Numbers(start, settings.best.fitter).relinearised() if start.free else None
             if nearer is None:
                 break
             ship = nearer
-        columns = set(together.tables[0].columns)
-        effects = applicable(ship, columns, options.exclude, options.own_effects)
-        selector = Selector(whiteness.fitter, effects, _episodes(balances), tick)
-        selection = selector.search()
+        while True:
+            whiteness, held = settings.best.whiteness, settings.best.held
+            windows = _episodes(settings.best.balances)
+            selector = Selector(whiteness.fitter, effects, windows, tick)
+            selection = selector.search()
+            if not settings.corrected(selection):
+                break
+        numbers = Numbers(start, whiteness.fitter)
+        together.warnings.extend(settings.remarks())
         tick("judging on the data set aside", 0, 1)
         diagnosis = _judged(selection, selector, whiteness, held, together, numbers)
         tick("judging on the data set aside", 1, 1)
         return diagnosis
-
-
-def _parted(balances: Balances, runs: int, tolerance: float) -> tuple[Whiteness, Segments]:
-    """Set data aside; not a part that alone holds all that is missing, for nothing could be learnt."""
-    parted = []
-    for train, held in set_aside(balances.replay, runs):
-        fitter = Fitter(balances, bands_of(balances, train), tolerance)
-        parted.append((Whiteness(fitter, balances.replay.noise_rms), held))
-        if parted[-1][0].colour(fitter.null) is not None:
-            return parted[-1]
-    return parted[0]
 
 
 def _episodes(balances: Balances) -> list[Window]:
@@ -225,6 +219,9 @@ def _judged(
         fit_after=fits(measured, after, rows),
         held_out_gain=float(gain),
         excited=replay.excited,
+        line=replay.line,
+        highest_Hz=fitter.bands.highest_Hz,
+        rows_averaged=replay.every,
         limits=together.limits,
         warnings=together.warnings + constant + list(numbers.start.remarks),
         numbers=numbers.told(fit if explained else fitter.null, corrected),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import threading
 from typing import Any
 
 import numpy as np
@@ -36,6 +38,10 @@ WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
 """Columns of what the water does, which act where a recording has them."""
 
 _START = ("pitch_ratio", SHAFT_SPEED, "ship_speed_m_s")
+
+
+_own = threading.local()
+"""Each thread's memory for samples, as long as its longest run asked for."""
 
 
 @compiled
@@ -109,7 +115,7 @@ class Replay:
         self.start = self._first_state(over)
         self.start_angle = self._turning(max(over, 3))[0] if SHAFT_ANGLE in table else 0.0
         self.signals = self._signals()
-        self._samples = np.zeros(len(self.drive) + 1, SAMPLE)
+        self._still = np.zeros(2 * len(self.drive) + 1)
 
     def _signals(self) -> NDArray[np.float64]:
         """What is heard from outside at the steps' starts and middles and the last one's end."""
@@ -132,6 +138,18 @@ class Replay:
         """A line between rows, as each step's value at its middle."""
         middles = self.dt * (np.arange((self.rows - 1) * self.per_row) + 0.5)
         return np.ascontiguousarray(np.interp(middles, self.time_s, rows))
+
+    def with_holds(self, moves: NDArray[np.bool_]) -> Replay:
+        """The same run with demands held from some rows to their next ones.
+
+        Args:
+            moves: whether the demands are held from a row on, shape (rows - 1,).
+        """
+        other = copy.copy(self)
+        steps = np.repeat(moves, self.per_row)
+        other.drive = np.where(steps, self._held(self.drive_rows), self.drive)
+        other.pitch = np.where(steps, self._held(self.command), self.pitch)
+        return other
 
     def _continuous(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         fine = np.arange(2 * (self.rows - 1) * self.per_row + 1) * (0.5 * self.dt)
@@ -187,7 +205,7 @@ class Replay:
 
     def inflow(self, plant: Any) -> NDArray[np.float64]:
         """The same at the steps' starts and middles and the last one's end, shape (2 steps + 1,)."""
-        return self._continuous(self.inflow_rows(plant))
+        return self._still if self._met is None else self._continuous(self.inflow_rows(plant))
 
     def first_state(self, start: tuple[float, ...] | None = None) -> State:
         """State at the first row, what lags not yet settled; ``self.start`` where none is given."""
@@ -211,15 +229,25 @@ class Replay:
             start: pitch ratio, shaft speed and ship speed at the first row; ``self.start`` by default.
             sea: SEA record, or None for calm water.
         """
+        return self.simulate_into(plant, start, sea).copy()
+
+    def simulate_into(
+        self, plant: Any, start: tuple[float, ...] | None = None, sea: Any = None
+    ) -> NDArray[Any]:
+        """The same, in memory that the thread's next simulation fills anew."""
         inflow = self.inflow(plant)
         state = np.zeros(1, STATE)
         state[0] = tuple(settled(plant, self.first_state(start), self.first_inputs(inflow)))
+        steps = len(self.drive)
+        if len(getattr(_own, "samples", ())) <= steps:
+            _own.samples = np.zeros(steps + 1, SAMPLE)
+        samples = _own.samples[: steps + 1]
         trajectory(
             plant, state[0], np.zeros(1, MEMORY)[0], calm() if sea is None else sea.copy(),
             self.drive, self.pitch, inflow, self.elevation,
-            self.resistance_factor, self.signals, self.dt, self._samples,
+            self.resistance_factor, self.signals, self.dt, samples,
         )  # fmt: skip
-        return self._samples[:: self.per_row].copy()
+        return np.asarray(samples[:: self.per_row])
 
 
 def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> pd.DataFrame:

@@ -15,6 +15,13 @@ from ..simulate.joint_replay import JointReplay
 
 HELD_OUT_SHARE = 0.25
 
+SEVERAL = 3
+"""Recordings from which on whole ones are set aside: two are then left, and whole ones alone tell
+what a model is worth on another day."""
+
+MOST_WAYS = 3
+"""Ways to set whole recordings aside."""
+
 Segments = list[tuple[int, int]]
 """First row of each stretch, and one past its last."""
 
@@ -28,17 +35,21 @@ def bands_of(balances: Balances, segments: Segments, highest_Hz: float = math.in
 def set_aside(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]:
     """Ways to part the recordings into what is fitted and what is judged, the best first.
 
-    Whole recordings where the user says so; else the longest recording's last quarter, or, if another
-    quarter covers the demands' range clearly better, that one: what comes next is what matters.
+    Whole recordings where the user says so. Of :data:`SEVERAL` or more, a quarter of them in number, one
+    at least: those without which the rest covers most of the demands' range, none of more than half of
+    all rows. Else the longest recording's last quarter, or, if another quarter covers the demands' range
+    clearly better, that one: what comes next is what matters.
     """
     if runs:
         return [(replay.segments[:-runs], replay.segments[-runs:])]
+    if len(replay.segments) >= SEVERAL:
+        return _whole(replay)
     sizes = [b - a for a, b in replay.segments]
     longest = int(np.argmax(sizes))
     first, last = replay.segments[longest]
     length = round(HELD_OUT_SHARE * (last - first))
     starts = [last - length, first, first + length, first + 2 * length]
-    covered = [_coverage(replay, (first, last), (s, s + length)) for s in starts]
+    covered = [_coverage(replay, [(first, last)], [(s, s + length)]) for s in starts]
     covered[0] /= 0.85
     rest = [s for i, s in enumerate(replay.segments) if i != longest]
     parted = []
@@ -49,13 +60,42 @@ def set_aside(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]
     return parted
 
 
-def _coverage(replay: JointReplay, whole: tuple[int, int], part: tuple[int, int]) -> float:
-    """Share of the demands' range in a recording that a part of it covers."""
+def _whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:
+    """Ways to set whole recordings aside, the best first."""
+    total = sum(b - a for a, b in replay.segments)
+    wanted = max(1, round(HELD_OUT_SHARE * len(replay.segments)))
+
+    def ranked(rest: Segments) -> Segments:
+        """What may go next, the most dispensable first; of equals the one that covers most itself."""
+
+        def merit(part: tuple[int, int]) -> tuple[float, float, int]:
+            others = [s for s in rest if s != part]
+            missed = _coverage(replay, replay.segments, others)
+            return (
+                -round(missed, 2),
+                -round(_coverage(replay, replay.segments, [part]), 2),
+                -part[0],
+            )
+
+        small = [s for s in rest if s[1] - s[0] <= 0.5 * total]
+        return sorted(small, key=merit)
+
+    ways = []
+    for first in ranked(replay.segments)[:MOST_WAYS]:
+        held = [first]
+        while len(held) < wanted:
+            held.append(ranked([s for s in replay.segments if s not in held])[0])
+        ways.append(([s for s in replay.segments if s not in held], sorted(held)))
+    return ways
+
+
+def _coverage(replay: JointReplay, whole: Segments, parts: Segments) -> float:
+    """Share of the demands' range in some stretches that others of them cover."""
     shares = []
     for signal in (replay.drive_rows, replay.command):
-        full = np.quantile(signal[slice(*whole)], [0.05, 0.95])
+        full = np.quantile(np.concatenate([signal[a:b] for a, b in whole]), [0.05, 0.95])
         if full[1] - full[0] > 1e-9:
-            piece = np.quantile(signal[slice(*part)], [0.05, 0.95])
+            piece = np.quantile(np.concatenate([signal[a:b] for a, b in parts]), [0.05, 0.95])
             inside = min(full[1], piece[1]) - max(full[0], piece[0])
             shares.append(max(0.0, inside / (full[1] - full[0])))
     return float(np.mean(shares)) if shares else 1.0
@@ -64,7 +104,7 @@ def _coverage(replay: JointReplay, whole: tuple[int, int], part: tuple[int, int]
 def held_out_judge(fitter: Fitter, held: Segments) -> Callable[[Any], float]:
     """2 log L of a ship's record on the held-out part alone."""
     balances, replay = fitter.balances, fitter.balances.replay
-    bands = bands_of(balances, held)
+    bands = bands_of(balances, held, fitter.bands.highest_Hz)
     measured = bands.transform(balances.residuals(replay.measured))
     likelihood = Likelihood(bands, np.zeros((1, *measured.shape), np.complex128))
 

@@ -7,7 +7,6 @@ import math
 from typing import Any
 
 import numpy as np
-import ruptures
 from numpy.typing import NDArray
 
 from ..search.placed import Window
@@ -23,7 +22,7 @@ ACTIVE_SHARE = 0.1
 def change_points(residual: NDArray[np.float64], interval_s: float) -> list[float]:
     """Times [s] at which the mean of a balance's residual changes.
 
-    Optimal segmentation of block means (PELT; Killick, Fearnhead & Eckley 2012), with a penalty on the
+    Optimal segmentation of block means (:func:`segmented`), with a penalty on the
     long-run variance of the blocks, so that a coloured residual is not cut where it merely wanders.
 
     Args:
@@ -42,12 +41,41 @@ def change_points(residual: NDArray[np.float64], interval_s: float) -> list[floa
         return []
     correlation = float(np.clip(1.0 + 2.0 * _correlation(steps), 1.0, 4.0))
     penalty = 3.0 * math.log(count) * variance * correlation
-    finder = ruptures.Pelt(model="l2", min_size=2, jump=1).fit(blocks)
     while True:
-        found = finder.predict(pen=penalty)[:-1]
+        found = segmented(blocks, penalty)
         if len(found) <= MOST_CHANGES:
             return [i * size * interval_s for i in found]
         penalty *= 1.5
+
+
+def segmented(values: NDArray[np.float64], penalty: float) -> list[int]:
+    """First values of all stretches but the first, each of a mean of its own.
+
+    The least sum of squared distances from the means plus a penalty for every stretch, found exactly by
+    dynamic programming over the last stretch (Jackson et al. 2005); stretches have two values at least.
+
+    Args:
+        values: shape (n,), n at least 2.
+        penalty: in the values' unit squared.
+    """
+    n = len(values)
+    centred = values - np.mean(values)
+    total = np.concatenate([[0.0], np.cumsum(centred)])
+    square = np.concatenate([[0.0], np.cumsum(centred**2)])
+    least, before = np.full(n + 1, np.inf), np.zeros(n + 1, np.int64)
+    least[0] = 0.0
+    for end in range(2, n + 1):
+        begin = np.arange(end - 1)
+        cost = square[end] - square[begin] - (total[end] - total[begin]) ** 2 / (end - begin)
+        whole = least[begin] + cost + penalty
+        before[end] = int(np.argmin(whole))
+        least[end] = whole[before[end]]
+    found: list[int] = []
+    end = int(before[n])
+    while end > 0:
+        found.insert(0, end)
+        end = int(before[end])
+    return found
 
 
 def _correlation(steps: NDArray[np.float64]) -> float:

@@ -50,9 +50,16 @@ class Whiteness:
     Args:
         fitter: of the recording.
         noise_rms: white noise of each measured column, in its unit.
+        quantisation: steps of the columns that are coarser than their noise: what is lost between steps
+            is then no white noise, but as slow as the channel itself.
     """
 
-    def __init__(self, fitter: Fitter, noise_rms: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        fitter: Fitter,
+        noise_rms: Mapping[str, float],
+        quantisation: Mapping[str, float] | None = None,
+    ) -> None:
         self.fitter = fitter
         bands, balances = fitter.bands, fitter.balances
         channels = balances.nominal
@@ -61,9 +68,12 @@ class Whiteness:
         power = []
         for _ in range(DRAWS):
             noisy = {
-                c: x + noise_rms.get(c, 0.0) * rng.standard_normal(len(x))
+                c: _read(
+                    x, noise_rms.get(c, 0.0) * rng.standard_normal(len(x)), rng.random(),
+                    (quantisation or {}).get(c, 0.0),
+                )
                 for c, x in channels.items()
-            }
+            }  # fmt: skip
             drawn = bands.transform(balances.residuals(noisy) - base)
             power.append(moments(bands, drawn, drawn).real)
         self._expected = np.mean(power, axis=0)
@@ -96,3 +106,19 @@ class Whiteness:
         edges = bands.edges
         low, high = bands.frequency_Hz[edges[band]], bands.frequency_Hz[edges[band + 1] - 1]
         return Colour(int(band), int(row), float(low), float(high), float(ratios[band, row]))
+
+
+def _read(
+    values: NDArray[np.float64], noise: NDArray[np.float64], phase: float, step: float
+) -> NDArray[np.float64]:
+    """A channel as an instrument reads it; where its steps are coarse, they are its noise.
+
+    Args:
+        values: true, shape (n,).
+        noise: likewise.
+        phase: of the steps, 0 to 1, for a simulation lies a little beside the truth.
+        step: 0 of an instrument without any.
+    """
+    if step <= 0.0:
+        return values + noise
+    return np.asarray((np.round(values / step + phase) - phase) * step)

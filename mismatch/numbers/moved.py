@@ -69,7 +69,8 @@ class Numbers:
     def __init__(self, start: Start, fitter: Fitter) -> None:
         self.start = start
         self.fitter = fitter
-        self.keys = tuple(dict.fromkeys(key for move in fitter.moves for key in move.numbers))
+        changes = [item for move in fitter.moves for item in move.numbers.items()]
+        self.keys = tuple(dict.fromkeys(key for key, change in changes if change != 0.0))
         table = [[move.numbers.get(key, 0.0) for move in fitter.moves] for key in self.keys]
         self._changes = np.array(table).reshape(len(self.keys), len(fitter.moves))
         self._deviations = np.sqrt(np.sum(self._changes**2, axis=1))
@@ -77,7 +78,9 @@ class Numbers:
     def values(self, fit: Fit) -> dict[str, float]:
         """Each number as a fit has it, by key, inside the range of the ship's file."""
         found = {}
-        for key, change in zip(self.keys, self._changes @ fit.tolerances, strict=True):
+        for key, change in zip(
+            self.keys, self._changes @ fit.tolerances[: len(self.fitter.moves)], strict=True
+        ):
             number = self.fitter.trial_ship.ship.number(key)
             found[key] = float(np.clip(number.value + change, number.info.low, number.info.high))
         return found

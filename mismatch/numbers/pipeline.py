@@ -24,7 +24,7 @@ from ..simulate.joint_replay import JointReplay
 from ..simulate.linear_replay import LinearReplay
 from .augmented import ekf
 from .automatic import told_by
-from .band import telling_hertz
+from .band import numbers_hertz
 from .found import Found
 from .free import AUTO, Free
 from .identification import Identification
@@ -149,7 +149,7 @@ def _by_output_error(
     values: Sequence[float] = free.values
     highest, steps = 0.0, []
     for _ in range(MOST_SEARCHES):
-        telling = telling_hertz(ways[0], free, values, work.train)
+        telling = numbers_hertz(ways[0], free, values, work.train)
         if highest and abs(telling / highest - 1.0) < SAME_BAND:
             break
         highest = telling

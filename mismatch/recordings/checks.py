@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,12 @@ from scipy.signal import lfilter
 from ...plant.columns import BOUNDS, SHAFT_ANGLE, TIME, drive_column
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
+from .loading import loaded
 from .noise import Noise, clipped, frozen
 from .slips import demands
+
+TOO_SHORT = "too short"
+"""How a sentence on length begins."""
 
 _EVEN = 0.01  # share of the interval by which a step may differ and still be even
 _LONGEST_GAP = 3  # missing samples that are filled in
@@ -102,19 +106,19 @@ def refuse_wrapped(path: Path, table: pd.DataFrame) -> None:
         )
 
 
-def too_short(table: pd.DataFrame, interval: float, ship: Ship) -> list[str]:
-    """Sentences on what a recording is too short for; empty if it is long enough."""
-    said = []
-    if len(table) < _FEWEST_ROWS:
-        said.append(f"too short: {len(table)} rows; below {_FEWEST_ROWS} little can be told")
-    if ship.moves and "ship_speed_m_s" in table:
-        speed = float(table["ship_speed_m_s"].abs().median())
+def too_short(tables: Sequence[pd.DataFrame], interval: float, ship: Ship) -> list[str]:
+    """Sentences on what recordings are too short for, taken together; empty if they are long enough."""
+    said, rows = [], sum(map(len, tables))
+    if rows < _FEWEST_ROWS:
+        said.append(f"{TOO_SHORT}: {rows} rows; below {_FEWEST_ROWS} little can be told")
+    if ship.moves and all("ship_speed_m_s" in table for table in tables):
+        speed = float(pd.concat([table["ship_speed_m_s"] for table in tables]).abs().median())
         hull = ship.hull.mass_kg / (
             2.0 * ship.hull.resistance_coefficient_N_s2_m2 * max(speed, 1.0)
         )
-        if interval * len(table) < _TIME_CONSTANTS * hull:
+        if interval * rows < _TIME_CONSTANTS * hull:
             said.append(
-                f"too short: {interval * len(table):.4g} s, where the hull's time constant is "
+                f"{TOO_SHORT}: {interval * rows:.4g} s, where the hull's time constant is "
                 f"{hull:.3g} s; its balance needs {_TIME_CONSTANTS * hull:.3g} s"
             )
     return said
@@ -127,11 +131,7 @@ def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[st
         drive_column(ship): float(plant["drive_max"] - plant["drive_min"]),
         "pitch_ratio_command": float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
     }
-    sails = table.get("ship_speed_m_s", pd.Series([0.0])).abs()
-    loaded = float(np.ptp(sails)) > _DULL_DEMAND * float(sails.max())
-    for column in demands(ship, table):
-        if not ship.turns_freely and loaded:  # the ship's speed moves the propeller's load
-            continue
+    for column in demands(ship, table) if not loaded(ship, table) else ():
         low, high = np.percentile(table[column], (2.5, 97.5))
         if high - low < _DULL_DEMAND * spans[column]:
             said.append(

@@ -14,6 +14,7 @@ from ...plant.columns import TIME
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from ..progress import Tick, silent
+from .checks import TOO_SHORT, too_short
 from .load import Recording, load_recording
 
 LEAST_ROWS = 40
@@ -85,7 +86,7 @@ def load_jointly(
     if rows < LEAST_ROWS:
         names = " and ".join(str(recording.source) for recording in loaded[: len(fitted)])
         raise RecordingError(f"{names}: {rows} rows; at least {LEAST_ROWS} are needed")
-    limits, warnings = _said(loaded[: len(fitted)], loaded)
+    limits, warnings = _said(loaded[: len(fitted)], loaded, ship)
     heard = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
     return JointRecordings(tables, len(held_out), limits, warnings, heard)
@@ -109,15 +110,24 @@ def _loaded(
     return recording
 
 
-def _said(fitted: list[Recording], loaded: list[Recording]) -> tuple[list[str], list[str]]:
-    """Limits and warnings of all recordings; several are named, and limit only where all do."""
+def _said(
+    fitted: list[Recording], loaded: list[Recording], ship: Ship
+) -> tuple[list[str], list[str]]:
+    """Limits and warnings of all recordings; several are named, and limit only where all do.
+
+    Lengths of what is fitted are counted together.
+    """
     if len(loaded) == 1:
         return list(loaded[0].limits), list(loaded[0].warnings)
+    limits = {id(r): [said for said in r.limits if not said.startswith(TOO_SHORT)] for r in loaded}
 
-    def named(part: Iterable[Recording], attribute: str) -> list[str]:
-        return [f"{r.source.name}: {said}" for r in part for said in getattr(r, attribute)]
+    def named(part: Iterable[Recording]) -> list[str]:
+        return [f"{r.source.name}: {said}" for r in part for said in limits[id(r)]]
 
-    warnings = named(loaded, "warnings")
-    if all(recording.limits for recording in fitted):
-        return named(fitted, "limits"), warnings
-    return [], warnings + named(loaded, "limits")
+    warnings = [f"{r.source.name}: {said}" for r in loaded for said in r.warnings]
+    together = []
+    if any(said.startswith(TOO_SHORT) for r in fitted for said in r.limits):
+        together = too_short([r.table for r in fitted], fitted[0].interval_s, ship)
+    if all(limits[id(recording)] for recording in fitted):
+        return together + named(fitted), warnings
+    return together, warnings + named(loaded)

@@ -129,7 +129,7 @@ def load_recording(
         c: describe(table[c].to_numpy(), interval) for c in table if c != TIME and c not in heard
     }
     warnings += at_rest(table, ship, noise)
-    limits = (*too_short(table, interval, ship), *dull(table, ship, noise))
+    limits = (*too_short([table], interval, ship), *dull(table, ship, noise))
     return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard)
 
 

@@ -74,7 +74,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
         "sentence": sentence(diagnosis),
         "ship": diagnosis.ship.name,
         "recording": {
-            "rows": len(diagnosis.time_s),
+            "rows": len(diagnosis.time_s) * diagnosis.rows_averaged,
             "seconds": float(diagnosis.time_s[-1]),
             "held_out": [list(w) for w in diagnosis.held_out],
         },
@@ -94,6 +94,8 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
             for d in diagnosis.detectable
         ],
         "numbers": numbers_as_dict(diagnosis),
+        "demands_between_rows": "lines" if diagnosis.line else "held",
+        "highest_Hz": diagnosis.highest_Hz,
         "limits": diagnosis.limits,
         "warnings": diagnosis.warnings,
     }  # fmt: skip

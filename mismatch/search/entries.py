@@ -172,7 +172,8 @@ def entries_of(text: str, source: str = "catalogue") -> tuple[Effect, ...]:
         raise ValueError(f"{source}: not valid TOML: {error}") from None
     try:
         given = _File.model_validate(tree)
-        found = [entry.effect() for entry in (*given.effect, *given.term)]
+        found = [entry.effect() for entry in given.effect]
+        found += [entry.effect() for entry in given.term]
     except ValidationError as error:
         raise ValueError("\n".join(_said(source, tree, dict(e)) for e in error.errors())) from None
     labels = [effect.label for effect in found]

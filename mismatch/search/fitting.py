@@ -8,8 +8,9 @@ physics.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
 from ..estimate import Estimate
+from ..simulate.at_once import at_once
 from ..simulate.balances import Balances
 from ..simulate.tolerances import NEAR, UNMOVED, tolerance_moves
 from .placed import Placed
@@ -26,6 +28,13 @@ from .trial_ship import TrialShip
 
 MOST_WIDENING = 0.05
 """Most that the error of a form widens an interval by, as a share of the effect's size."""
+
+REMEMBERED, REMEMBERED_BYTES = 64, 64e6
+"""Simulations that a fitter remembers: so many, of so much memory at most, but four in any case."""
+
+MISTIMED = 2.0 / math.sqrt(12.0)
+"""Standard deviation of the time at which a demand moves between two rows, in what holding it up to the
+next row does beside a line: evenly likely over the interval, of which that is half."""
 
 EDGE_S = 30.0
 """Unit of a window's edges in the search [s]."""
@@ -59,13 +68,19 @@ class Fitter:
         bands: frequencies of the part that may be fitted.
         scale: factor on all tolerances of the nominal numbers.
         free: dotted keys of numbers that are fitted, whatever their tolerances.
+        doubt: whether the times at which demands move between two rows are doubted too.
 
     Attributes:
-        moves: what each of a fit's tolerances moves.
+        moves: what each of a fit's tolerances moves, the first of them.
     """
 
     def __init__(
-        self, balances: Balances, bands: Bands, scale: float = 1.0, free: Collection[str] = ()
+        self,
+        balances: Balances,
+        bands: Bands,
+        scale: float = 1.0,
+        free: Collection[str] = (),
+        doubt: bool = False,
     ) -> None:
         self.balances = balances
         self.bands = bands
@@ -74,32 +89,47 @@ class Fitter:
         replay = balances.replay
         self.measured = bands.transform(balances.residuals(replay.measured))
         self._cache: dict[bytes, Complex] = {}
+        self._room = int(np.clip(REMEMBERED_BYTES / self.measured.nbytes, 4, REMEMBERED))
         nominal = self.predicted(self.trial_ship.nominal)
         self.moves = tuple(tolerance_moves(replay, scale, free, NEAR))
-        self.nuisance = np.array(
-            [(self._predict(m.record, m.start) - nominal) / m.share for m in self.moves]
+        columns = list(
+            at_once(lambda m: (self._predict(m.record, m.start) - nominal) / m.share, self.moves)
         )
+        if doubt:
+            for other in replay.mistimed():
+                lacking = balances.residuals(other.channels_of(self.trial_ship.nominal))
+                columns.append(MISTIMED * (bands.transform(lacking) - nominal))
+        self.nuisance = np.array(columns)
         self.likelihood = Likelihood(bands, self.nuisance)
-        self._shares = np.zeros(len(self.moves))
+        self._shares = np.zeros(len(columns))
         self.null = self.fitted(())
         self._shares = self.null.tolerances
 
     def _predict(self, record: Any, shift: tuple[float, float, float] = UNMOVED) -> Complex:
         self.simulations += 1
         replay = self.balances.replay
-        samples = replay.simulate(record, shift)
         with np.errstate(invalid="ignore", over="ignore"):  # a trial may run away; it is refused
-            lacking = self.balances.residuals(replay.simulated(samples))
+            lacking = self.balances.residuals(replay.channels_of(record, shift))
             return self.bands.transform(lacking)
 
     def predicted(self, record: Any) -> Complex:
         """Transformed balance residuals of a simulation; remembers the last ones."""
         key = record.tobytes()
         if key not in self._cache:
-            if len(self._cache) > 64:
-                self._cache.pop(next(iter(self._cache)))
-            self._cache[key] = self._predict(record)
+            self._remember(key, self._predict(record))
         return self._cache[key]
+
+    def ahead(self, records: Iterable[Any]) -> None:
+        """Simulate records that are asked for next, several at once; no more than are remembered."""
+        pending = {key: r for r in records if (key := r.tobytes()) not in self._cache}
+        chosen = dict(itertools.islice(pending.items(), self._room // 2))
+        for key, found in zip(chosen, at_once(self._predict, chosen.values()), strict=True):
+            self._remember(key, found)
+
+    def _remember(self, key: bytes, found: Complex) -> None:
+        if len(self._cache) >= self._room:
+            self._cache.pop(next(iter(self._cache)))
+        self._cache[key] = found
 
     def fitted(self, effects: tuple[Placed, ...]) -> Fit:
         """Score of effects at their values, the nominal numbers adjusted inside their tolerances."""
@@ -138,7 +168,9 @@ class Fitter:
         share = self.likelihood.amount(base.weight, base.difference, column)
         low, high = self.trial_ship.range_of(parameter)
         value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
-        if abs(value - neutral) <= parameter.least or (value < neutral and not parameter.signed):
+        if abs(value - neutral) <= self.trial_ship.least(parameter) or (
+            value < neutral and not parameter.signed
+        ):
             return None
         return placed.with_values((value, *placed.values[1:]))
 
@@ -240,7 +272,7 @@ class _Search:
             base = trial_ship.origin(parameter)
             self._neutral.append(base)
             self._sign.append(1.0 if value >= base else -1.0)
-            self._least.append(parameter.least)
+            self._least.append(trial_ship.least(parameter))
 
     def point(self) -> NDArray[np.float64]:
         """Coordinates of the effect as it was placed."""

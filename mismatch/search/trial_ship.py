@@ -19,6 +19,9 @@ from ..simulate.balances import Balances
 from .catalogue import Effect, Parameter
 from .placed import Placed, Window
 
+PITCH_GAPS = ("pitch_actuator.dead_band", "pitch_actuator.backlash")
+"""Numbers that hide in the steps of a coarse reading of the pitch."""
+
 
 class TrialShip:
     """One ship as it sails in one recording, with any effects put onto it.
@@ -33,6 +36,7 @@ class TrialShip:
 
     def __init__(self, balances: Balances) -> None:
         self.ship: Ship = balances.replay.ship
+        self._replay = balances.replay
         self.nominal = self.ship.record()
         self._scales = scales(balances)
         self._longest_s = (HISTORY - 2) * min(run.dt for run in balances.replay.runs)
@@ -94,6 +98,21 @@ class TrialShip:
             values |= self.settings(placed)
         return self.host(effects).with_values(values)
 
+    def least(self, parameter: Parameter) -> float:
+        """Distance from the neutral value below which something else looks the same.
+
+        Of a delay that is half an interval of the recording, and a whole one where nobody knows when
+        between two rows a demand moved; of a play or a dead band of the pitch, the steps in which it is
+        read, where they are coarse.
+        """
+        least = parameter.least
+        if parameter.number(self.ship).info.unit == "s":
+            interval = self._replay.interval_s / self._replay.every
+            least = max(least, interval if self._replay.line else 0.5 * interval)
+        if parameter.key in PITCH_GAPS:
+            least = max(least, self._replay.quantisation.get("pitch_ratio", 0.0))
+        return least
+
     def neutral(self, parameter: Parameter) -> float:
         """Value at which the effect is absent: the ship file's own."""
         if parameter.absolute:
@@ -112,7 +131,8 @@ class TrialShip:
         steps = [p * self._scales[parameter.of] for p in parameter.probes]
         if parameter.signed:
             steps = [-s for s in reversed(steps)] + steps
-        return [start + s for s in steps if low <= start + s <= high]
+        least = self.least(parameter)
+        return [start + s for s in steps if low <= start + s <= high and abs(s) >= least]
 
     def smallest(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
         """The trials in which the effect's first value is as near to neutral as it is probed."""

@@ -7,7 +7,9 @@ make inertia look added where none is (errors in variables).
 
 from __future__ import annotations
 
+import copy
 import functools
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -17,13 +19,15 @@ from numpy.typing import NDArray
 from ...plant.columns import MEASURED, SHAFT_ANGLE
 from ...plant.replay import Replay
 from ...plant.ship import Ship
+from ...plant.signals import SAMPLE
+from ..recordings.loading import loaded, moves
 from ..recordings.noise import describe
 
 START_STEPS = 40
 """Time steps of the ship over which the first state is averaged."""
 
-DULL_SHARE = 0.05
-"""Demands that move over less than this share of their size tell no effect from another."""
+MOVES_APART = 12
+"""Moves of the demands whose times between two rows are doubted one by one."""
 
 
 RESOLUTION = 1e-5
@@ -32,10 +36,18 @@ would be infinitely sure of itself. Of an angle, which has no largest value, the
 """
 
 
-def _moves(demand: NDArray[np.float64]) -> bool:
-    """Whether a demand moves enough to tell one effect from another."""
-    size = float(np.abs(demand).max())
-    return bool(np.ptp(np.quantile(demand, [0.02, 0.98])) > DULL_SHARE * max(size, 1e-12))
+def blocks(rows: NDArray[np.float64], every: int) -> NDArray[np.float64]:
+    """Means over so many rows each; what is left over at the end is dropped.
+
+    Args:
+        rows: shape (n, ...).
+        every: at least 1.
+    """
+    if every == 1:
+        return rows
+    count = len(rows) // every
+    cut = rows[: count * every]
+    return np.asarray(cut.reshape(count, every, *cut.shape[1:]).mean(axis=1))
 
 
 class JointReplay:
@@ -45,48 +57,57 @@ class JointReplay:
         ship: the nominal ship.
         tables: canonical columns at an even interval, all finite; equal columns and intervals.
         line: whether demands are straight lines between rows instead of held.
+        every: rows that are averaged into one, of what was recorded and simulated alike; the simulation
+            goes from row to row all the same. Rows left over at a recording's end are dropped.
 
     Raises:
         ValueError: recordings that do not go together.
     """
 
-    def __init__(self, ship: Ship, *tables: pd.DataFrame, line: bool = False) -> None:
+    def __init__(
+        self, ship: Ship, *tables: pd.DataFrame, line: bool = False, every: int = 1
+    ) -> None:
         self.ship = ship
+        self.line, self.every = line, every
         over = START_STEPS * ship.time_step_s
         self.runs = [Replay(ship, table, over, line) for table in tables]
         first = self.runs[0]
-        self.interval_s = first.interval_s
+        self.interval_s = first.interval_s * every
         self.controllable = ship.has_variable_pitch
         self.channels = first.channels
         for number, run in enumerate(self.runs[1:], 2):
-            if run.channels != self.channels or abs(run.interval_s / self.interval_s - 1.0) > 0.01:
+            if run.channels != self.channels or abs(run.interval_s / first.interval_s - 1.0) > 0.01:
                 raise ValueError(
                     f"recording {number} has other columns or another interval than the first: "
                     f"{', '.join(run.channels)} every {run.interval_s:g} s, not "
-                    f"{', '.join(self.channels)} every {self.interval_s:g} s"
+                    f"{', '.join(self.channels)} every {first.interval_s:g} s"
                 )
-        ends = np.cumsum([run.rows for run in self.runs])
-        self.segments = [(int(e) - r.rows, int(e)) for e, r in zip(ends, self.runs, strict=True)]
+        sizes = [run.rows // every for run in self.runs]
+        ends = np.cumsum(sizes)
+        self.segments = [(int(e) - size, int(e)) for e, size in zip(ends, sizes, strict=True)]
         self.rows = int(ends[-1])
         self.time_s = np.arange(self.rows, dtype=np.float64) * self.interval_s
         self.start = first.start
 
         def joined(name: str) -> NDArray[np.float64]:
-            return np.concatenate([getattr(run, name) for run in self.runs])
+            return self._averaged([getattr(run, name) for run in self.runs])
 
         self.drive_rows, self.command = joined("drive_rows"), joined("command")
-        loading = [self.drive_rows, self.command]
-        if not ship.turns_freely and "ship_speed_m_s" in self.channels:
-            # at a speed that is held, it is the ship's that changes the propeller's load
-            loading.append(self.recorded["ship_speed_m_s"])
-        self.excited = any(_moves(signal) for signal in loading)
+        self.excited = any(
+            moves(run.drive_rows) or moves(run.command) or loaded(ship, run.table)
+            for run in self.runs
+        )
         self.elevation_rows = joined("elevation_rows")
         self.outside = {
-            name: np.concatenate([run.table[name].to_numpy(dtype=np.float64) for run in self.runs])
+            name: self._averaged([run.table[name].to_numpy(dtype=np.float64) for run in self.runs])
             for name in sorted(ship.signals)
             if all(name in run.table for run in self.runs)
         }
-        self.inflow_rows = np.concatenate([run.inflow_rows(ship.record()) for run in self.runs])
+        self.inflow_rows = self._averaged([run.inflow_rows(ship.record()) for run in self.runs])
+
+    def _averaged(self, parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """A signal of every run, shape (rows of the run,) or (rows, signals), end to end."""
+        return np.concatenate([blocks(part, self.every) for part in parts])
 
     def simulate(self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
         """Samples at the recordings' rows under a ship record; SAMPLE array of shape (rows,).
@@ -95,13 +116,60 @@ class JointReplay:
             plant: ship record.
             shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s].
         """
-        found = [
-            self.simulate_run(
-                run, plant, tuple(a + b for a, b in zip(run.start, shift, strict=True))
-            )
-            for run in self.runs
+        found = list(self._sailed(plant, shift, self.simulate_run))
+        if self.every == 1:
+            return found[0] if len(found) == 1 else np.concatenate(found)
+        width = len(SAMPLE.names or ())
+        plain = self._averaged([part.view(np.float64).reshape(-1, width) for part in found])
+        return np.ascontiguousarray(plain).view(SAMPLE).ravel()
+
+    def channels_of(
+        self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> dict[str, NDArray[np.float64]]:
+        """The measured channels of a simulation alone, as :meth:`simulated` gives them.
+
+        Args:
+            plant: ship record.
+            shift: as of :meth:`simulate`.
+        """
+        parts = [
+            {c: blocks(samples[MEASURED[c]].copy(), self.every) for c in self.channels}
+            for samples in self._sailed(plant, shift, self.simulate_into)
         ]
-        return found[0] if len(found) == 1 else np.concatenate(found)
+        return {c: np.concatenate([part[c] for part in parts]) for c in self.channels}
+
+    def mistimed(self) -> Iterator[JointReplay]:
+        """The same with some moves of the demands held up to the next row instead of drawn as a line.
+
+        When between two rows a demand moved is not recorded. The :data:`MOVES_APART` largest moves may
+        each have come at a time of its own, all others at one.
+        """
+        sizes = []
+        for run in self.runs:
+            size = np.zeros(run.rows - 1)
+            for rows in (run.drive_rows, run.command):
+                size += np.abs(np.diff(rows)) / max(float(np.ptp(rows)), 1e-12)
+            sizes.append(size)
+        every = np.concatenate(sizes)
+        ranks = np.empty(len(every), np.int64)
+        ranks[np.argsort(-every, kind="stable")] = np.arange(len(every))
+        cuts = np.cumsum([len(size) for size in sizes])[:-1]
+        for group in range(MOVES_APART + 1):
+            chosen = ranks == group if group < MOVES_APART else ranks >= MOVES_APART
+            if every[chosen].any():
+                other = copy.copy(self)
+                parts = np.split(chosen, cuts)
+                other.runs = [
+                    run.with_holds(part) for run, part in zip(self.runs, parts, strict=True)
+                ]
+                yield other
+
+    def _sailed(
+        self, plant: Any, shift: tuple[float, float, float], simulate: Callable[..., NDArray[Any]]
+    ) -> Iterator[NDArray[Any]]:
+        for run in self.runs:
+            start = tuple(a + b for a, b in zip(run.start, shift, strict=True))
+            yield simulate(run, plant, start)
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
         """Samples at one recording's rows.
@@ -113,11 +181,15 @@ class JointReplay:
         """
         return run.simulate(plant, start)
 
+    def simulate_into(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
+        """The same, in memory that the thread's next simulation fills anew."""
+        return run.simulate_into(plant, start)
+
     @functools.cached_property
     def recorded(self) -> dict[str, NDArray[np.float64]]:
         """Measured channels by column as they were recorded, each of shape (rows,)."""
         return {
-            c: np.concatenate([run.table[c].to_numpy(dtype=np.float64) for run in self.runs])
+            c: self._averaged([run.table[c].to_numpy(dtype=np.float64) for run in self.runs])
             for c in self.channels
         }
 
@@ -141,6 +213,16 @@ class JointReplay:
             column: describe(values[first], self.interval_s).white_rms
             for column, values in self.measured.items()
         }
+
+    @functools.cached_property
+    def quantisation(self) -> dict[str, float]:
+        """Steps of the channels in which they are coarser than the noise, by column, in their units."""
+        found = {}
+        for column in self.channels:
+            own = describe(self.runs[0].table[column].to_numpy(), self.runs[0].interval_s)
+            if own.white_rms < 0.5 * own.quantisation:
+                found[column] = own.quantisation
+        return found
 
     def simulated(self, samples: Any) -> dict[str, NDArray[np.float64]]:
         """The same channels of a simulation."""

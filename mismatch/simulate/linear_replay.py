@@ -44,10 +44,10 @@ class LinearReplay(JointReplay):
         ValueError: recordings that do not go together, or a speed that is held.
     """
 
-    def __init__(self, ship: Any, *tables: Any, line: bool = False) -> None:
+    def __init__(self, ship: Any, *tables: Any, line: bool = False, every: int = 1) -> None:
         if not ship.turns_freely:
             raise ValueError(f"{ship.name}: a speed that is held has no linear model to be fitted")
-        super().__init__(ship, *tables, line=line)
+        super().__init__(ship, *tables, line=line, every=every)
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
         """Samples at one recording's rows by the linear model of a ship record.
@@ -58,6 +58,8 @@ class LinearReplay(JointReplay):
             start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at its first row.
         """
         return _simulated(run, plant, start)
+
+    simulate_into = simulate_run
 
 
 def _simulated(run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:

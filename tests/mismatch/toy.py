@@ -71,6 +71,8 @@ class Toy:
     rows = ROWS
     excited = True
     outside: ClassVar[dict[str, Any]] = {}
+    line = False
+    every = 1
 
     def __init__(
         self, truth: dict[str, float], noise: Array, known: float = 0.0, ship: Ship | None = None
@@ -82,6 +84,7 @@ class Toy:
         self.ship = frigate.with_values(exact | {"tolerances.resistance": known})
         self.plant = self.ship.record()
         self.runs = [self]
+        self.quantisation: dict[str, float] = {}
         self.time_s = TIME
         self.drive_rows = 20.0 + 3.0 * steps(5)
         self.command = np.full(ROWS, 1.2)
@@ -108,6 +111,9 @@ class Toy:
 
     def simulated(self, samples: dict[str, Array]) -> dict[str, Array]:
         return {name: samples[name] for name in self.names}
+
+    def channels_of(self, plant: Any, shift: Any = (0.0, 0.0, 0.0)) -> dict[str, Array]:
+        return self.simulated(self.simulate(plant, shift))
 
     def residuals(self, channels: dict[str, Array]) -> Array:
         return np.array([channels[name] for name in self.names])

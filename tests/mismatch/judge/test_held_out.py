@@ -60,11 +60,34 @@ def test_another_quarter_must_cover_the_demands_clearly_better(last: float, star
     assert first_choice(np.full(400, 20.0))[1] == [(300, 400)]
 
 
-def test_of_several_recordings_the_longest_is_parted() -> None:
-    segments = [(0, 100), (100, 500), (500, 600)]
-    train, held = first_choice(np.tile(np.linspace(0.0, 1.0, 50), 12), None, segments)
+def test_of_two_recordings_the_longer_is_parted() -> None:
+    segments = [(0, 100), (100, 500)]
+    train, held = first_choice(np.tile(np.linspace(0.0, 1.0, 50), 10), None, segments)
     assert held == [(400, 500)]
-    assert train == [(0, 100), (500, 600), (100, 400)]
+    assert train == [(0, 100), (100, 400)]
+
+
+def test_of_three_the_one_is_set_aside_without_which_the_rest_covers_most() -> None:
+    segments = [(0, 100), (100, 200), (200, 300)]
+    part = np.linspace(0.0, 1.0, 100)
+    # only the second reaches the upper half; of the others the third covers more itself
+    demand = np.concatenate([0.3 * part, part, 0.5 * part])
+    ways = set_aside(replay(demand, None, segments), 0)
+    assert ways[0] == ([(0, 100), (100, 200)], [(200, 300)])
+    assert [held for _, held in ways[1:]] == [[(0, 100)], [(100, 200)]]
+
+
+def test_of_alike_recordings_the_last_is_set_aside_and_of_six_two() -> None:
+    segments = [(100 * i, 100 * i + 100) for i in range(6)]
+    demand = np.tile(np.linspace(0.0, 1.0, 50), 12)
+    assert first_choice(demand, None, segments)[1] == [(400, 500), (500, 600)]
+    assert first_choice(demand[:400], None, segments[:4])[1] == [(300, 400)]
+
+
+def test_half_of_everything_is_not_set_aside() -> None:
+    segments = [(0, 100), (100, 500), (500, 600)]
+    ways = set_aside(replay(np.tile(np.linspace(0.0, 1.0, 50), 12), None, segments), 0)
+    assert [held for _, held in ways] == [[(500, 600)], [(0, 100)]]
 
 
 def test_whole_recordings_are_set_aside_where_the_user_says_so() -> None:

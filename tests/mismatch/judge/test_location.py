@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
 import numpy as np
 import pytest
-import ruptures
 
 from shaftline.mismatch.judge.location import (
     _correlation,
     active_windows,
     change_points,
     regime,
+    segmented,
     windows_between,
 )
 
@@ -75,19 +76,34 @@ def test_the_penalty_is_told_to_the_search(
     monkeypatch: pytest.MonkeyPatch, pattern: list[float], step: float, correlation: float
 ) -> None:
     asked = []
-    predict = ruptures.Pelt.predict
 
-    def spied(self: Any, pen: float) -> Any:
-        asked.append(pen)
-        return predict(self, pen)
+    def spied(values: Any, penalty: float) -> Any:
+        asked.append(penalty)
+        return segmented(values, penalty)
 
-    monkeypatch.setattr(ruptures.Pelt, "predict", spied)
+    monkeypatch.setattr("shaftline.mismatch.judge.location.segmented", spied)
     changes(np.resize(pattern, 60))
     variance = (1.4826 * step) ** 2 / 2.0
     assert asked == [pytest.approx(3.0 * math.log(60) * variance * correlation)]
     asked.clear()
     changes(np.resize(pattern, 48) + np.repeat(100.0 * np.arange(8), 6))  # seven are too many
     assert asked[1:] == pytest.approx([1.5 * penalty for penalty in asked[:-1]])
+
+
+def test_stretches_are_those_of_least_cost() -> None:
+    """Against every way to cut eleven values into stretches of two or more."""
+    values = np.random.default_rng(4).standard_normal(11) + np.repeat([0.0, 2.0, -1.0], [4, 3, 4])
+
+    def cost(cuts: tuple[int, ...], penalty: float) -> float:
+        parts = np.split(values, cuts)
+        if min(map(len, parts)) < 2:
+            return math.inf
+        return sum(float(np.sum((p - p.mean()) ** 2)) + penalty for p in parts)
+
+    for penalty in (0.3, 1.0, 3.0, 100.0):
+        ways = [w for k in range(6) for w in itertools.combinations(range(1, 11), k)]
+        best = min(ways, key=lambda cuts, penalty=penalty: cost(cuts, penalty))  # type: ignore[misc]
+        assert segmented(values, penalty) == list(best)
 
 
 def test_few_blocks_or_none_that_move_have_no_changes() -> None:

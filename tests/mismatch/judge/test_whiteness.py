@@ -125,3 +125,16 @@ def test_an_effect_that_is_missing_colours_the_null_and_not_its_own_fit() -> Non
     assert judge.colour(residual(judge, rows)) is None
     assert np.abs(SLOPES[FRICTION]).max() * 30000.0 > 10.0 * RMS[0]
     assert rows.shape == (2, ROWS)
+
+
+def test_coarse_steps_are_noise_as_slow_as_the_channel() -> None:
+    """Read in steps, a slow channel is off slowly: what white noise of that size would leave is less."""
+    fit = fitter({}, seed=5, rms=RMS)
+    fit.balances.nominal = {"engine": 3.0 * np.sin(TIME / 40.0), "hull": 0.0 * TIME}  # type: ignore[attr-defined]
+    step = 2.0
+    off = np.round(fit.balances.nominal["engine"] / step) * step - fit.balances.nominal["engine"]
+    left = residual(whiteness(), [off, white(11, *RMS)[1]])
+    rms = {"engine": step / 12.0**0.5, "hull": 2.0}
+    plain, coarse = Whiteness(fit, rms), Whiteness(fit, rms, {"engine": step})
+    assert plain.colour(left) is not None
+    assert coarse.colour(left) is None

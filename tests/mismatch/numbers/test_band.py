@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.numbers.band import LEAST_FREQUENCIES, TELLING, telling_hertz
+from shaftline.mismatch.numbers.band import numbers_hertz
 from shaftline.mismatch.numbers.free import Free
+from shaftline.mismatch.search.band import LEAST_FREQUENCIES, TELLING
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship
@@ -39,7 +40,7 @@ def shaken(ship: Ship, every: int, column: str = "shaft_speed_rad_s") -> Balance
 def telling(balances: Balances, key: str, changes: dict[str, float] | None = None) -> float:
     ship = balances.replay.ship.with_values(changes or {})
     free = Free(ship, (key,))
-    return telling_hertz(balances, free, free.values, [(0, balances.replay.rows)])
+    return numbers_hertz(balances, free, free.values, [(0, balances.replay.rows)])
 
 
 def test_of_a_friction_it_is_that_of_two_poles(servo: Ship) -> None:

@@ -62,6 +62,24 @@ def test_of_several_each_is_named_and_limits_count_where_all_have_them(frigate: 
     assert (aside.limits, aside.held_out) == ([], 1)
 
 
+def test_lengths_are_counted_together(frigate: Ship, calm: pd.DataFrame) -> None:
+    limits = ("too short: 150 rows; below 200 little can be told",)
+    parts = [
+        Recording(Path(name), calm.iloc[a : a + 150], 0.1, {}, (), limits)
+        for name, a in (("a.csv", 0), ("b.csv", 200), ("c.csv", 400))
+    ]
+    slow = [said for said in load_jointly(frigate, parts[:2]).limits if "rows" not in said]
+    assert len(slow) == 1  # 30 s are too short for the hull, and said once
+    assert slow[0].startswith("too short: 30 s")
+    no_log = [
+        Recording(p.source, p.table.drop(columns="ship_speed_m_s"), 0.1, {}, (), limits)
+        for p in parts
+    ]
+    assert load_jointly(frigate, no_log[:2]).limits == []
+    # what is set aside does not lengthen what is fitted
+    assert load_jointly(frigate, no_log[:1], no_log[1:]).limits == list(limits)
+
+
 def test_what_cannot_be_fitted_is_refused(frigate: Ship, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no recording to fit"):
         load_jointly(frigate, [], [recording("a.csv")])

@@ -90,6 +90,7 @@ ON_THE_TUG: list[tuple[str, dict[str, Any]]] = [
     ("coulomb-friction", {ENGINE_SIDE: 0.07}),  # the tug's own is 0.051
     ("viscous-friction", {"transmission.viscous_friction_engine_side_N_m_s_rad": 4e-4}),
     ("quadratic-drag", {"transmission.quadratic_drag_N_m_s2_rad2": 8e-6}),
+    ("torque-offset", {"prime_mover.torque_offset_N_m": 0.02}),
     ("direction-asymmetry", {"prime_mover.reverse_torque_fraction": 0.8}),
     ("direction-asymmetry", {"propeller.astern_load_fraction": 0.3}),
     ("supply-limit", {"prime_mover.supply_limit_V": 6.5}),
@@ -255,6 +256,7 @@ def test_a_drive_without_a_propeller_is_offered_nothing_of_one(servo: Ship) -> N
         "viscous-friction (motor)",
         "quadratic-drag (motor)",
         "coulomb-friction (motor, stribeck)",
+        "torque-offset (motor)",
     }
     assert not any("propeller" in said for e in found.values() for said in (e.lacks, e.equation))
     drag = found["quadratic-drag (motor)"]

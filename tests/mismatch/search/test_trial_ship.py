@@ -144,7 +144,9 @@ def test_scales_are_those_of_the_nominal_voyage(toy: Any) -> None:
     assert found == pytest.approx(
         {
             "unit": 1.0,
+            "time_step": 0.05,
             "torque": 2e5,
+            "torque/drive": 2e5 / float(np.sqrt(np.mean(drive**2))),
             "torque/shaft_speed": 2e5 / rms,
             "torque/shaft_speed/shaft_speed": 2e5 / rms**2,
             "brake_torque/engine_speed/engine_speed": 3e4 / (7.38 * rms) ** 2,
@@ -192,3 +194,18 @@ def test_scales_have_no_sign_and_are_never_zero(toy: Any) -> None:
         assert found[name] == pytest.approx(ahead[name])
     assert found["current_top"] == 3.0
     assert found["torque"] == 1e-9
+
+
+def test_a_delay_is_no_shorter_than_the_recording_tells(monkeypatch: pytest.MonkeyPatch) -> None:
+    (delay,) = entry("engine-dead-time (engine)").parameters
+    (play,) = entry("pitch-backlash (pitch-actuator)").parameters
+    toy: Any = Toy({}, white(0, 1.0, 1.0))
+    assert TrialShip(toy).least(delay) == 0.5  # of rows a second apart
+    monkeypatch.setattr(Toy, "line", True)
+    assert TrialShip(toy).least(delay) == 1.0
+    monkeypatch.setattr(Toy, "every", 4)
+    assert TrialShip(toy).least(delay) == 0.25
+    assert TrialShip(toy).least(play) == 0.0
+    toy.quantisation = {"pitch_ratio": 0.03}
+    assert TrialShip(toy).least(play) == 0.03
+    assert min(TrialShip(toy).probes(play)) >= 0.03

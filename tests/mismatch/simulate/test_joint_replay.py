@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.simulate.joint_replay import JointReplay
+from shaftline.mismatch.simulate.joint_replay import MOVES_APART, JointReplay
 from shaftline.plant import Ship
 from shaftline.plant.replay import Replay
 
-from ..voyages import frigate_voyage
+from ..voyages import frigate_voyage, quick_frigate
 
 FIRST, SECOND = frigate_voyage(seconds=20.0, seed=1), frigate_voyage(seconds=30.0, seed=2)
 OVER_S = 2.0  # 40 steps of 0.05 s
@@ -182,3 +182,58 @@ def test_the_noise_is_that_of_the_first_recording(frigate: Ship) -> None:
     found = JointReplay(frigate, *tables).noise_rms
     assert found["shaft_speed_rad_s"] == pytest.approx(0.02, rel=0.2)
     assert list(found) == ["pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"]
+
+
+def voyage_of(seconds: float, seed: int) -> pd.DataFrame:
+    return frigate_voyage(quick_frigate(), seed=seed, seconds=seconds)
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_the_channels_alone_are_those_of_the_samples(every: int) -> None:
+    tables = [voyage_of(60.0, 1), voyage_of(90.0, 2)]
+    both = JointReplay(quick_frigate(), *tables, every=every)
+    record = quick_frigate().record()
+    whole, alone = both.simulated(both.simulate(record)), both.channels_of(record)
+    for column, values in alone.items():
+        np.testing.assert_array_equal(values, whole[column])
+
+
+def test_rows_are_averaged_alike_in_what_was_recorded_and_simulated() -> None:
+    tables = [voyage_of(60.0, 1), voyage_of(90.0, 2)]
+    fine, coarse = (JointReplay(quick_frigate(), *tables, every=every) for every in (1, 4))
+    assert coarse.interval_s == pytest.approx(0.8)
+    assert coarse.segments == [(0, 75), (75, 187)]  # 301 and 451 rows
+    record = quick_frigate().record()
+    pairs = [
+        (fine.recorded["shaft_speed_rad_s"], coarse.recorded["shaft_speed_rad_s"]),
+        (fine.drive_rows, coarse.drive_rows),
+        (fine.simulate(record)["thrust"], coarse.simulate(record)["thrust"]),
+    ]
+    for rows, means in pairs:
+        assert means[:75] == pytest.approx(rows[:300].reshape(75, 4).mean(axis=1))
+        assert means[75:] == pytest.approx(rows[301:749].reshape(112, 4).mean(axis=1))
+
+
+def test_mistimed_demands_are_held_where_lines_were_drawn() -> None:
+    table = voyage_of(200.0, 1)
+    drawn = JointReplay(quick_frigate(), table, line=True)
+    held = JointReplay(quick_frigate(), table)
+    others = list(drawn.mistimed())
+    moves = int(np.sum((np.diff(held.drive_rows) != 0.0) | (np.diff(held.command) != 0.0)))
+    assert len(others) == moves <= MOVES_APART
+    changed = [np.flatnonzero(other.runs[0].drive != drawn.runs[0].drive) for other in others]
+    assert all(len(rows) <= held.runs[0].per_row for rows in changed)
+    together = np.unique(np.concatenate(changed))
+    np.testing.assert_array_equal(
+        together, np.flatnonzero(held.runs[0].drive != drawn.runs[0].drive)
+    )
+    first = changed[0]
+    np.testing.assert_array_equal(others[0].runs[0].drive[first], held.runs[0].drive[first])
+
+
+def test_steps_coarser_than_noise_are_told() -> None:
+    table = voyage_of(200.0, 1)
+    assert JointReplay(quick_frigate(), table).quantisation == {}
+    coarse = table.assign(pitch_ratio=np.round(table["pitch_ratio"] / 0.02) * 0.02)
+    found = JointReplay(quick_frigate(), coarse).quantisation
+    assert found == {"pitch_ratio": pytest.approx(0.02)}

@@ -1,0 +1,30 @@
+"""Work on several threads."""
+
+from __future__ import annotations
+
+import threading
+
+from shaftline.mismatch.simulate.at_once import THREADS, at_once
+
+
+def test_results_come_in_their_order_and_none_is_lost() -> None:
+    assert list(at_once(lambda x: x * x, range(50))) == [x * x for x in range(50)]
+    assert list(at_once(abs, [])) == []
+
+
+def test_no_more_is_taken_than_is_under_way() -> None:
+    taken = []
+
+    def items() -> object:
+        for i in range(100):
+            taken.append(i)
+            yield i
+
+    results = at_once(lambda x: x, items())  # type: ignore[arg-type, var-annotated]
+    next(results)
+    assert len(taken) <= 2 * THREADS
+
+
+def test_as_many_work_at_a_time_as_there_are_threads() -> None:
+    meeting = threading.Barrier(THREADS, timeout=10.0)
+    assert len(list(at_once(lambda _: meeting.wait(), range(THREADS)))) == THREADS
