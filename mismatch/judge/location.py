@@ -70,7 +70,7 @@ def segmented(values: NDArray[np.float64], penalty: float) -> list[int]:
         whole = least[begin] + cost + penalty
         before[end] = int(np.argmin(whole))
         least[end] = whole[before[end]]
-    found = []
+    found: list[int] = []
     end = int(before[n])
     while end > 0:
         found.insert(0, end)

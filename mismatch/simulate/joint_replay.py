@@ -114,7 +114,7 @@ class JointReplay:
         found = list(self._sailed(plant, shift, self.simulate_run))
         if self.every == 1:
             return found[0] if len(found) == 1 else np.concatenate(found)
-        width = len(SAMPLE)
+        width = len(SAMPLE.names or ())
         plain = self._averaged([part.view(np.float64).reshape(-1, width) for part in found])
         return np.ascontiguousarray(plain).view(SAMPLE).ravel()
 

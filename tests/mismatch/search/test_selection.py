@@ -56,6 +56,9 @@ class Scores:
         half = any(p.values[0] == 1.0 for p in effects)
         return self.worth[names] * (0.5 if half else 1.0)
 
+    def ahead(self, models: Any) -> None:
+        """Nothing is simulated here."""
+
     def fitted(self, effects: tuple[Placed, ...]) -> Any:
         return SimpleNamespace(effects=effects, score=self.score(effects))
 
