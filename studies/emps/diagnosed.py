@@ -1,4 +1,4 @@
-"""What ``diagnose`` names where the ship's file has the published numbers but no friction and no offset."""
+"""What ``diagnose`` names where the ship's file has the published numbers without friction and offset."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ EVERY = (1, 5, 10, 20)
 """Of the recording's rows, one in so many is kept: 1000, 200, 100 and 50 Hz."""
 
 PASSED = 0.4
-"""Of the rate that is kept: cut-off of the filter, at most :data:`MOST_HZ`; zero-phase Butterworth of fourth
-order on force and position alike."""
+"""Of the rate that is kept: cut-off of the filter, at most :data:`MOST_HZ`; zero-phase Butterworth of
+fourth order on force and position alike."""
 
 MOST_HZ = 40.0
 

@@ -55,7 +55,7 @@ NAMED = """\
 The ship's file has the published numbers, but no Coulomb friction and no offset, or no friction at all:
 `shaftline diagnose estimation.csv --ship … --columns columns.toml --hold-out validation.csv`. Rows are
 dropped as they are (*raw*), or behind a zero-phase low-pass at 0.4 times the rate that is kept, at most
-40 Hz (*filtered*). What the corrected ship errs on validation, by velocity, is {low:.1f} to {high:.1f} %."""
+40 Hz (*filtered*). On validation the corrected ship's velocity is {low:.1f} to {high:.1f} % off."""
 
 
 def write(
