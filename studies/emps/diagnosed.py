@@ -1,4 +1,4 @@
-"""What ``diagnose`` names where the ship's file has the published numbers without friction and offset."""
+"""What ``diagnose`` names where the ship's file has the published numbers, no friction and no offset."""
 
 from __future__ import annotations
 
