@@ -46,7 +46,7 @@ def diagnose(
         list[Path] | None,
         typer.Option(
             help="Recording that is only judged on, never fitted; repeatable.",
-            show_default="a quarter of the longest recording",
+            show_default="a quarter of the longest recording; of three or more, whole ones",
         ),
     ] = None,
     exclude: Annotated[

@@ -28,8 +28,8 @@ ALIKE = 0.005
 
 
 DOUBTED = 0.05
-"""Of a period at the highest frequency: half an interval that is more leaves it open when, between two
-rows, a drawn demand moved."""
+"""Of a period at the highest frequency: half an interval that is more leaves it open when a drawn demand
+moved between two rows."""
 
 
 @dataclass(frozen=True)

@@ -241,7 +241,7 @@ class Replay:
         steps = len(self.drive)
         if len(getattr(_own, "samples", ())) <= steps:
             _own.samples = np.zeros(steps + 1, SAMPLE)
-        samples = _own.samples[: steps + 1]
+        samples: NDArray[Any] = _own.samples[: steps + 1]
         trajectory(
             plant, state[0], np.zeros(1, MEMORY)[0], calm() if sea is None else sea.copy(),
             self.drive, self.pitch, inflow, self.elevation,

@@ -119,8 +119,9 @@ class Fitter:
             self._remember(key, self._predict(record))
         return self._cache[key]
 
-    def ahead(self, records: Iterable[Any]) -> None:
-        """Simulate records that are asked for next, several at once; no more than are remembered."""
+    def ahead(self, models: Iterable[tuple[Placed, ...]]) -> None:
+        """Simulate effects that are asked for next, several at once; no more than are remembered."""
+        records = map(self.trial_ship.record, models)
         pending = {key: r for r in records if (key := r.tobytes()) not in self._cache}
         chosen = dict(itertools.islice(pending.items(), self._room // 2))
         for key, found in zip(chosen, at_once(self._predict, chosen.values()), strict=True):

@@ -103,10 +103,8 @@ class Selector:
         for done, effect in enumerate(pending):
             self.tick(stage, done, len(pending))
             best: Fit | None = None
-            self.fitter.ahead(
-                self.fitter.trial_ship.record((*base.effects, placed))
-                for placed in self.fitter.trial_ship.trials(effect, self.windows)
-            )
+            trials = self.fitter.trial_ship.trials(effect, self.windows)
+            self.fitter.ahead((*base.effects, placed) for placed in trials)
             for placed in self._trials(base, effect):
                 fit = self.fitter.fitted((*base.effects, placed))
                 if best is None or fit.score > best.score:

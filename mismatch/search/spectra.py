@@ -29,7 +29,7 @@ Complex = NDArray[np.complex128]
 TAPER_SHARE = 0.05
 """Share of a segment at either end over which the cosine bell fades it in and out."""
 
-LONG = 4096
+LONG = 30_000
 """Rows from which on a segment gives up its last few for a length that is transformed fast: 108001 rows
 take 25 times as long as 108000."""
 

@@ -1,6 +1,6 @@
 """A real positioning system, its numbers found: the page of :mod:`.runs` and its figure.
 
-Run ``python -m shaftline.studies.emps --recordings FOLDER --out docs/results``; about two minutes.
+Run ``python -m shaftline.studies.emps --recordings FOLDER --out docs/results``; about four minutes.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import argparse
 from pathlib import Path
 
 from . import page
+from .diagnosed import diagnosed
 from .runs import identified, load_runs, yardsticks
 
 
@@ -25,7 +26,8 @@ def main() -> None:
     def tick(stage: str, done: int, whole: int) -> None:
         print(f"{stage}: {done} of {whole}", flush=True)
 
-    page.write(options.out, identified(runs, tick), yardsticks(runs), runs)
+    found, named = identified(runs, tick), diagnosed(runs, tick)
+    page.write(options.out, found, yardsticks(runs), named, runs)
     print(f"page: {options.out / 'emps.md'}")
 
 

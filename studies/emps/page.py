@@ -51,20 +51,30 @@ COMES_TO = """\
   coordinates in which both are compared: a noisy speed about 0 would make a force of it."""
 
 
-def write(folder: Path, found: pd.DataFrame, known: pd.DataFrame, runs: Recordings) -> None:
+NAMED = """\
+The ship's file has the published numbers, but no Coulomb friction and no offset, or no friction at all:
+`shaftline diagnose estimation.csv --ship … --columns columns.toml --hold-out validation.csv`. Rows are
+dropped as they are (*raw*), or behind a zero-phase low-pass at 0.4 times the rate that is kept, at most
+40 Hz (*filtered*). On validation the corrected ship's velocity is {low:.1f} to {high:.1f} % off."""
+
+
+def write(
+    folder: Path, found: pd.DataFrame, known: pd.DataFrame, named: pd.DataFrame, runs: Recordings
+) -> None:
     """Write ``emps.md``, ``emps.csv`` and ``figures/emps.png``.
 
     Args:
         folder: to write into.
         found: from :func:`.runs.identified`.
         known: from :func:`.runs.yardsticks`.
+        named: from :func:`.diagnosed.diagnosed`.
         runs: both recordings.
     """
-    write_table(folder, NAME, TITLE, COMMAND, found, body(found, known))
+    write_table(folder, NAME, TITLE, COMMAND, found, body(found, known, named))
     figures.save(drawn(found, runs), folder / "figures" / f"{NAME}.png")
 
 
-def body(found: pd.DataFrame, known: pd.DataFrame) -> str:
+def body(found: pd.DataFrame, known: pd.DataFrame, named: pd.DataFrame) -> str:
     """The page below its title."""
     return "\n\n".join(
         [
@@ -76,6 +86,12 @@ def body(found: pd.DataFrame, known: pd.DataFrame) -> str:
             markdown(_rounded(found)),
             "## What it comes to",
             COMES_TO.format(**_summed(found, known)),
+            "## What diagnose names",
+            NAMED.format(
+                low=named["validation_velocity_percent"].min(),
+                high=named["validation_velocity_percent"].max(),
+            ),
+            markdown(_rounded(named)),
         ]
     )
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.mismatch import Options, diagnose
 from shaftline.mismatch.diagnosis import SHIP
 from shaftline.mismatch.report.files import PAGE, REPORT
 from shaftline.plant import equilibrium, load_ship
@@ -109,6 +110,24 @@ def test_whole_recordings_are_set_aside_and_ids_left_out(
     assert begin == pytest.approx(200.0)
     assert end == pytest.approx(400.0)
     assert "hull-fouling" not in [effect["id"] for effect in report["effects"]]
+
+
+def test_the_tolerance_s_factor_is_that_of_the_python_call(
+    shaftline: Command, tmp_path: Path
+) -> None:
+    trial(200.0, 1, hull__fouling_fraction=0.06).to_csv(tmp_path / "one.csv", index=False)
+    said = {}
+    for factor in (1.0, 8.0):
+        options = Options(tolerance=factor)
+        found = diagnose(load_ship("frigate"), tmp_path / "one.csv", options=options)
+        result = shaftline(
+            "diagnose", tmp_path / "one.csv", "--ship", "frigate", "--out", tmp_path / f"{factor:g}",
+            "--tolerance", f"{factor:g}",
+        )  # fmt: skip
+        assert result.exit_code == 0, result.output
+        said[factor] = json.loads((tmp_path / f"{factor:g}" / REPORT).read_text())
+        assert said[factor] == json.loads(json.dumps(found.to_dict()))
+    assert said[1.0]["detectable"] != said[8.0]["detectable"]
 
 
 def replaced(column: str, row: int, value: object) -> Callable[[pd.DataFrame], pd.DataFrame]:

@@ -13,6 +13,7 @@ from shaftline.mismatch import identify
 from shaftline.plant import Ship
 from shaftline.plant.replay import simulate_recording
 from shaftline.studies.emps import page
+from shaftline.studies.emps.diagnosed import FILES, diagnosed
 from shaftline.studies.emps.runs import (
     COULOMB,
     KEYS,
@@ -95,15 +96,32 @@ def test_identify_finds_the_published_numbers(runs: Recordings, every: int) -> N
 
 
 @needs_recordings
+@pytest.mark.parametrize("every", [1, 10])
+def test_diagnose_names_friction_and_offset_at_any_rate(
+    runs: Recordings, monkeypatch: pytest.MonkeyPatch, every: int
+) -> None:
+    monkeypatch.setattr("shaftline.studies.emps.diagnosed.EVERY", (every,))
+    few = {name: FILES[name] for name in list(FILES)[:1]}
+    monkeypatch.setattr("shaftline.studies.emps.diagnosed.FILES", few)
+    for row in diagnosed(runs).itertuples():
+        assert row.verdict == "explained"
+        names = [said.split()[0] for said in row.named.split(", ")]
+        assert names == ["coulomb-friction", "torque-offset"]
+        assert row.validation_velocity_percent < 8.0
+
+
+@needs_recordings
 def test_the_page_says_what_was_found(
     runs: Recordings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name, few in (("EVERY", (20,)), ("STICTIONS", (0.001,))):
         monkeypatch.setattr(f"shaftline.studies.emps.runs.{name}", few)
+    monkeypatch.setattr("shaftline.studies.emps.diagnosed.EVERY", (20,))
     monkeypatch.setattr(
         "shaftline.studies.emps.runs.refitted", lambda recording: rig().with_values(PUBLISHED)
     )
-    page.write(tmp_path, identified(runs), yardsticks(runs), runs)
+    page.write(tmp_path, identified(runs), yardsticks(runs), diagnosed(runs), runs)
     text = (tmp_path / "emps.md").read_text()
     assert "All 2 runs lie within 0." in text
+    assert text.count("| explained |") == 4
     assert (tmp_path / "figures" / "emps.png").stat().st_size > 20_000
