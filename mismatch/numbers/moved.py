@@ -71,15 +71,17 @@ class Numbers:
         self.fitter = fitter
         changes = [item for move in fitter.moves for item in move.numbers.items()]
         self.keys = tuple(dict.fromkeys(key for key, change in changes if change != 0.0))
-        table = [[move.numbers.get(key, 0.0) for move in fitter.moves] for key in self.keys]
-        self._changes = np.array(table).reshape(len(self.keys), len(fitter.moves))
+        # by each of the fitter's regressors, of which some move no number
+        self._changes = np.zeros((len(self.keys), len(fitter.nuisance)))
+        for k, move in enumerate(fitter.moves):
+            self._changes[:, k] = [move.numbers.get(key, 0.0) for key in self.keys]
         self._deviations = np.sqrt(np.sum(self._changes**2, axis=1))
 
     def values(self, fit: Fit) -> dict[str, float]:
         """Each number as a fit has it, by key, inside the range of the ship's file."""
         found = {}
         for key, change in zip(
-            self.keys, self._changes @ fit.tolerances[: len(self.fitter.moves)], strict=True
+            self.keys, self._changes @ fit.tolerances, strict=True
         ):
             number = self.fitter.trial_ship.ship.number(key)
             found[key] = float(np.clip(number.value + change, number.info.low, number.info.high))

@@ -175,7 +175,7 @@ FORMS: list[tuple[str, tuple[float, ...]]] = [
     ("pitch-dead-band (pitch-actuator, stops-inside)", (0.05, 0.3)),
     ("wake-in-drift (propeller)", (2.0, 0.3)),
     ("wind (hull)", (900.0,)),
-    ("coulomb-friction (motor, stribeck)", (0.1, 1.5, 20.0)),
+    ("coulomb-friction (motor, stribeck)", (0.03, 1.5, 20.0)),
     ("command-dead-zone (motor, by-direction)", (0.6, 0.5)),
     ("direction-asymmetry (motor, demand)", (-0.12,)),
     ("inflow-lag (motor, induced-flow)", (1.5, 30.0)),
