@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..plant.ship import Ship
 from .judge.findings import Detectable, Finding
 from .judge.shapes import Shape
+from .judge.verdict import BalanceVerdict
 from .judge.whiteness import Colour
 from .numbers.moved import MovedNumber
 from .numbers.wrong import WrongNumber
@@ -23,7 +24,7 @@ class Outcome:
     """Where recordings and the simulation differ, what physics is missing, and the proof.
 
     Args:
-        verdict: ``explained``, ``nothing-missing`` or ``unexplained``.
+        verdict: ``explained``, ``partly-explained``, ``nothing-missing`` or ``unexplained``.
         ship: nominal.
         corrected: with the effects, or the shape, that were found.
         time_s: shape (rows,).
@@ -36,7 +37,7 @@ class Outcome:
         residual_before: what each balance lacks, shape (balances, rows).
         residual_after: likewise with the corrected ship.
         findings: effects, in the order of discovery.
-        shape: the missing quantity without a name, where the verdict is ``unexplained``; then the
+        shape: the missing quantity without a name, where more than noise is left; then the
             windows and the regime in which it acts.
         shape_windows: in which it acts [s].
         shape_regime: in words.
@@ -53,7 +54,9 @@ class Outcome:
         rows_averaged: of the recording, in each row of the arrays.
         limits: why the recording may not decide.
         warnings: what was noticed about the recording.
+        undecidable: whether the recording is too short or too dull to tell that nothing is missing.
         numbers: of the ship that were calibrated or free, or that the recording moved far.
+        balance_verdicts: each balance for itself.
         wrong: of each finding: the number of the ship's file that would explain it as well, or None.
     """
 
@@ -86,5 +89,7 @@ class Outcome:
     rows_averaged: int = 1
     limits: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    undecidable: bool = False
     numbers: list[MovedNumber] = field(default_factory=list)
     wrong: list[WrongNumber | None] = field(default_factory=list)
+    balance_verdicts: tuple[BalanceVerdict, ...] = ()

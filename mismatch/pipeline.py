@@ -13,18 +13,27 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..plant.ship import Ship
 from .diagnosis import Diagnosis
-from .judge.confirmation import confirmed
-from .judge.findings import detectable_effects, findings_of
+from .judge.confirmation import confirmed, only, with_rivals
+from .judge.correction import FreeRunning, corrected_ship
+from .judge.findings import Finding, detectable_effects, findings_of, shown_in
 from .judge.fit import fits
-from .judge.held_out import Segments, held_out_judge
+from .judge.held_out import HeldOut, Segments
 from .judge.location import active_windows, change_points, regime, windows_between
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_of
-from .judge.verdict import EXPLAINED, UNEXPLAINED, verdict_of
+from .judge.verdict import (
+    EXPLAINED,
+    NOTHING,
+    PARTLY,
+    UNEXPLAINED,
+    Verdict,
+    explained_shares,
+    sure_effects,
+    verdict_of,
+)
 from .judge.whiteness import Whiteness
 from .numbers.calibration import calibrated
 from .numbers.moved import MOST_ROUNDS, Numbers
@@ -152,37 +161,39 @@ def _judged(
     balances, replay = fitter.balances, fitter.balances.replay
     measured = replay.recorded
     lacking = balances.lacking(balances.nominal)  # with the free numbers where they are
-    judge = held_out_judge(fitter, held)
-    selection = confirmed(selection, fitter, judge)
+    judge = HeldOut(fitter, held)
+    selection = confirmed(selection, fitter, judge.score)
+    selection, verdict = _verdict(selection, fitter, whiteness, judge)
+    too_little = not replay.excited or any("too short" in said for said in together.limits)
+    undecidable = too_little and bool(together.limits)
+    if verdict.name == NOTHING and undecidable:  # which is not the same
+        verdict = replace(verdict, name=UNEXPLAINED)
     fit = selection.fit
-    rows = np.concatenate([np.arange(a, b) for a, b in held])
-    ship = numbers.start.ship
-    nominal = judge(ship.record())
-    corrected = numbers.carried(fitter.trial_ship.corrected(fit.effects), fit, judge, rows)
-    gain = judge(corrected.record()) - nominal
-    verdict = verdict_of(selection, whiteness, gain, replay.excited)
-    explained = verdict.name == EXPLAINED
-    misfit = math.sqrt(max(1.0 - verdict.explained, 0.0))
-    findings = findings_of(fitter, selection, lacking, misfit) if explained else []
-    if not explained:
-        corrected = numbers.carried(fitter.trial_ship.ship, fitter.null, judge, rows)
-        gain = judge(corrected.record()) - nominal
+    named = verdict.name in (EXPLAINED, PARTLY)
+    told = fit if named else fitter.null
+    misfit = math.sqrt(min(max(1.0 - verdict.explained, 0.0), 1.0))
+    findings = findings_of(fitter, selection, lacking, misfit) if named else []
     shape: Shape | None = None
     windows: list[Window] = []
     where = ""
-    if verdict.name == UNEXPLAINED:
-        shapes = best_shapes(fitter, fitter.null)
-        shape = shape_to_show(shapes, balances, verdict.colour or verdict.left_over)
+    if verdict.name in (PARTLY, UNEXPLAINED) and (verdict.colour or verdict.left_over):
+        shapes = best_shapes(fitter, told)
+        colour = verdict.left_over if named else verdict.colour or verdict.left_over
+        shape = shape_to_show(shapes, balances, colour)
     if shape is not None:
         windows, where = _located(shape, fitter)
-    term = None if shape is None else term_of(shape, corrected)
-    if term is not None:
-        shaped = corrected.with_term(term)
-        brought = judge(shaped.record()) - nominal
-        if brought > max(
-            gain, 0.0
-        ):  # a shape that does not hold on data set aside is shown, not used
-            corrected, gain = shaped, brought
+    ship, rows = numbers.start.ship, judge.rows
+    plain = fitter.trial_ship.corrected(told.effects)
+    carried = numbers.carried(plain, told, judge, rows)
+    term = None if shape is None else term_of(shape, ship)
+    candidates = [carried, plain] if carried != plain else [plain]
+    if term is not None:  # a shape that does not hold on data set aside is shown, not used
+        candidates.insert(0, carried.with_term(term))
+    free = FreeRunning(replay, rows)
+    corrected, gain, spoilt = corrected_ship(ship, candidates, judge, free)
+    warnings = _not_carried(findings, corrected == ship, spoilt)
+    if corrected.signals:
+        corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.hears})
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     fit_before = fits(measured, before, rows)
     constant = [
@@ -208,6 +219,8 @@ def _judged(
         shape=shape,
         shape_windows=windows,
         shape_regime=where,
+        balance_verdicts=verdict.balances,
+        undecidable=undecidable,
         explained=verdict.explained,
         left_over=verdict.left_over,
         ranking=[(c, selector.threshold(c.effect)) for c in selection.ranking],
@@ -223,10 +236,48 @@ def _judged(
         highest_Hz=fitter.bands.highest_Hz,
         rows_averaged=replay.every,
         limits=together.limits,
-        warnings=together.warnings + constant + list(numbers.start.remarks),
-        numbers=numbers.told(fit if explained else fitter.null, corrected),
-        wrong=wrong_numbers(fitter, selection) if explained else [],
+        warnings=together.warnings + constant + list(numbers.start.remarks) + warnings,
+        numbers=numbers.told(told, corrected),
+        wrong=wrong_numbers(fitter, selection) if named else [],
     )  # fmt: skip
+
+
+def _verdict(
+    selection: Selection, fitter: Fitter, whiteness: Whiteness, judge: HeldOut
+) -> tuple[Selection, Verdict]:
+    """The verdict, and what of the selection it speaks of, with what would have done as well."""
+    replay = fitter.balances.replay
+
+    def said(chosen: Selection, sure: bool) -> tuple[Selection, Verdict]:
+        share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
+        chosen = with_rivals(chosen, fitter, share)
+        gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
+        return chosen, verdict_of(chosen, whiteness, gain, replay.excited, sure)
+
+    told = said(selection, False)
+    if told[1].name != UNEXPLAINED or not selection.fit.effects or not replay.excited:
+        return told
+    sure = sure_effects(selection, shown_in(fitter, selection.fit), whiteness)
+    nameless = {s.balance: s.gain for s in best_shapes(fitter, fitter.null)}
+    names = fitter.balances.names
+    # where a free shape over one signal does better, the name is not the truth's
+    sure = [
+        i
+        for i, row in zip(range(len(selection.gains)), shown_in(fitter, selection.fit), strict=True)
+        if i in sure and selection.gains[i] >= nameless.get(names[row], 0.0)
+    ]
+    if not sure:
+        return told
+    held = said(only(selection, fitter, sure), True)
+    return held if held[1].name == PARTLY else told
+
+
+def _not_carried(findings: list[Finding], nominal: bool, spoilt: list[str]) -> list[str]:
+    """A warning where what was named is not in the corrected ship."""
+    if not findings or not nominal:
+        return []
+    why = f"it follows {', '.join(spoilt)} worse" if spoilt else "it gains nothing"
+    return [f"the corrected ship is the nominal one: with what is named, run freely, {why}"]
 
 
 def _located(shape: Shape, fitter: Fitter) -> tuple[list[Window], str]:

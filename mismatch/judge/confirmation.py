@@ -1,45 +1,98 @@
-"""What speaks against the later of the effects that a search has chosen."""
+"""What speaks against the effects that a search has chosen, and what would have done as well."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
-from ..search.fitting import Fitter
-from ..search.selection import Selection
+from ..search.fitting import Fit, Fitter
+from ..search.selection import NEAR_SHARE, TELL_APART, Candidate, Selection
 
-REMNANT_SHARE = 0.15
-"""A later effect in the same balance must bring this share of a stronger one's gain: less is what the
-stronger one's form, never quite the truth's, leaves behind."""
+REMNANT_SHARE, ELSEWHERE_SHARE = 0.15, 0.08
+"""A later effect must bring this share of a stronger one's gain, in the same balance or one that it may
+be taken for, and elsewhere: less is what the stronger one's form, never quite the truth's, leaves."""
 
 
-def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Any], float]) -> Selection:
+def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float]) -> Selection:
     """Drop every later effect that the data set aside speak against, or that looks like a remnant.
 
     The first effect's form is never quite the truth's; what it leaves invites other names, which do not
     hold on data that they were not fitted to.
+
+    Args:
+        selection: what was chosen.
+        fitter: of the part that was fitted.
+        judge: 2 log L of a model on the data set aside.
     """
     fit = selection.fit
     keep = list(range(len(fit.effects)))
     for i in reversed(range(1, len(fit.effects))):
         rest = [k for k in keep if k != i]
-        beside = [
-            selection.gains[k]
-            for k in rest
-            if fit.effects[k].effect.balance == fit.effects[i].effect.balance
-        ]
-        a_form_error = selection.gains[i] < REMNANT_SHARE * max(beside, default=0.0)
-        record = fitter.trial_ship.record
-        with_it = judge(record(tuple(fit.effects[k] for k in keep)))
-        refuted = with_it < judge(record(tuple(fit.effects[k] for k in rest)))
-        if a_form_error or refuted:
-            keep = rest
+        needed = max((selection.gains[k] * _share(fit, i, k) for k in rest), default=0.0)
+        if selection.gains[i] >= needed:
+            with_it, without = (_refitted(fitter, fit, which) for which in (keep, rest))
+            if judge(with_it) >= judge(without):
+                continue
+        keep = rest
     if len(keep) == len(fit.effects):
         return selection
-    fit = fitter.joint(fitter.fitted(tuple(fit.effects[k] for k in keep)))
+    return only(selection, fitter, keep)
+
+
+def only(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
+    """Some of the effects of a selection, fitted again.
+
+    Args:
+        selection: what was chosen.
+        fitter: of the part that was fitted.
+        keep: which of them.
+    """
     return replace(
-        selection, fit=fit, gains=tuple(selection.gains[k] for k in keep),
+        selection, fit=_refitted(fitter, selection.fit, keep),
+        gains=tuple(selection.gains[k] for k in keep),
         thresholds=tuple(selection.thresholds[k] for k in keep),
         rivals=tuple(selection.rivals[k] for k in keep),
     )  # fmt: skip
+
+
+def _share(fit: Fit, later: int, other: int) -> float:
+    """Of the other's gain that a later effect must bring."""
+    one, two = fit.effects[later].effect, fit.effects[other].effect
+    alike = one.balance == two.balance or one.id in two.confused_with or two.id in one.confused_with
+    return REMNANT_SHARE if alike else ELSEWHERE_SHARE
+
+
+def _refitted(fitter: Fitter, fit: Fit, which: list[int]) -> Fit:
+    if len(which) == len(fit.effects):
+        return fit
+    rest = fitter.fitted(tuple(fit.effects[k] for k in which))
+    return fitter.joint(rest) if rest.effects else rest
+
+
+def with_rivals(selection: Selection, fitter: Fitter, explained: float) -> Selection:
+    """The selection with what would have done as well as each effect, the others present.
+
+    Where a model leaves a share of what it should explain, its form is off by as much, and a rival that
+    is behind by less than that share of the gain is not refuted.
+
+    Args:
+        selection: what was chosen; its rivals are what came near each effect when it was chosen.
+        fitter: of the part that was fitted.
+        explained: share of the residual's power beyond the noise that the model explains.
+    """
+    fit = selection.fit
+    found = []
+    for i, (gain, rivals) in enumerate(zip(selection.gains, selection.rivals, strict=True)):
+        margin = max(TELL_APART, (NEAR_SHARE + max(1.0 - explained, 0.0)) * gain)
+        alike = []
+        for rival in rivals:
+            if rival.effect.id == fit.effects[i].effect.id or rival.gain < gain - 4.0 * margin:
+                continue
+            other = (*fit.effects[:i], rival.placed, *fit.effects[i + 1 :])
+            instead = fitter.fitted(other)
+            if instead.score < fit.score - margin:
+                instead = fitter.polished(instead)
+            if instead.score >= fit.score - margin:
+                alike.append(Candidate(rival.effect, instead, gain - fit.score + instead.score))
+        found.append(tuple(sorted(alike, key=lambda c: -c.gain)))
+    return replace(selection, rivals=tuple(found))

@@ -33,6 +33,8 @@ class Finding:
         row: index of that balance.
         windows: in which it acts [s].
         regime: in words; empty where it acts everywhere.
+        unmeasured: what its balance lacks to be measured, so that its size is a guess and has no
+            interval; empty where nothing is lacking.
     """
 
     effect: Effect
@@ -44,6 +46,7 @@ class Finding:
     row: int
     windows: list[Window]
     regime: str
+    unmeasured: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,41 @@ def _row(balances: Balances, effect: Effect, traces: NDArray[np.float64], scale:
     return int(np.argmax(felt))
 
 
+def unmeasured(effect: Effect, balances: Balances) -> str:
+    """What the balance in which an effect acts lacks to be measured; empty where nothing is lacking."""
+    replay = balances.replay
+    if effect.balance == "hull" and not balances.moving:
+        return "without a speed log the hull's balance is not measured"
+    one_shaft = replay.ship.has_line_shaft and replay.ship.turns_freely
+    if effect.balance in ("engine", "propeller") and one_shaft and not balances.gauged:
+        return "without a torque gauge the engine's and the propeller's side are one balance"
+    return ""
+
+
+def shown_in(fitter: Fitter, fit: Fit) -> list[int]:
+    """Balance in which each effect of a model is shown, by index."""
+    balances = fitter.balances
+    lacking = balances.lacking(balances.nominal)
+    scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
+    return [
+        _row(balances, placed.effect, traces, scale)
+        for placed, traces in zip(fit.effects, _traces(fitter, fit), strict=True)
+    ]
+
+
+def _traces(fitter: Fitter, fit: Fit) -> list[NDArray[np.float64]]:
+    """What each effect of a model changes in the balances, the others present, shape (m, rows)."""
+
+    def of(effects: tuple[Placed, ...]) -> NDArray[np.float64]:
+        balances = fitter.balances
+        return balances.residuals(balances.replay.channels_of(fitter.trial_ship.record(effects)))
+
+    everything = of(fit.effects)
+    return [
+        everything - of(fit.effects[:i] + fit.effects[i + 1 :]) for i in range(len(fit.effects))
+    ]
+
+
 def findings_of(
     fitter: Fitter, selection: Selection, lacking: NDArray[np.float64], misfit: float
 ) -> list[Finding]:
@@ -73,15 +111,8 @@ def findings_of(
     signals = signals_of(fitter, fit)
     duration = float(replay.time_s[-1])
     scale = np.sqrt(np.mean(lacking**2, axis=1)) + 1e-300
-
-    def of(effects: tuple[Placed, ...]) -> NDArray[np.float64]:
-        samples = replay.simulate(fitter.trial_ship.record(effects))
-        return balances.residuals(replay.simulated(samples))
-
-    everything = of(fit.effects)
     found = []
-    for i, placed in enumerate(fit.effects):
-        traces = everything - of(fit.effects[:i] + fit.effects[i + 1 :])
+    for i, (placed, traces) in enumerate(zip(fit.effects, _traces(fitter, fit), strict=True)):
         row = _row(balances, placed.effect, traces, scale)
         windows = (
             [placed.window]
@@ -92,7 +123,8 @@ def findings_of(
         where = "" if whole else regime(traces[row], signals)
         found.append(
             Finding(placed.effect, estimates[i], selection.gains[i], selection.thresholds[i],
-                    selection.rivals[i], traces[row], row, windows, where)
+                    selection.rivals[i], traces[row], row, windows, where,
+                    unmeasured(placed.effect, balances))
         )  # fmt: skip
     return found
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from ..search.fitting import Fitter
-from ..search.spectra import Bands, Likelihood, make_bands
-from ..simulate.balances import Balances
+from ..search.fitting import Fit, Fitter
+from ..search.spectra import Bands, Complex, Likelihood, make_bands
+from ..simulate.balances import Balances, Channels
 from ..simulate.joint_replay import JointReplay
 
 HELD_OUT_SHARE = 0.25
@@ -101,16 +101,53 @@ def _coverage(replay: JointReplay, whole: Segments, parts: Segments) -> float:
     return float(np.mean(shares)) if shares else 1.0
 
 
-def held_out_judge(fitter: Fitter, held: Segments) -> Callable[[Any], float]:
-    """2 log L of a ship's record on the held-out part alone."""
-    balances, replay = fitter.balances, fitter.balances.replay
-    bands = bands_of(balances, held, fitter.bands.highest_Hz)
-    measured = bands.transform(balances.residuals(replay.measured))
-    likelihood = Likelihood(bands, np.zeros((1, *measured.shape), np.complex128))
+class HeldOut:
+    """What the part set aside says of ships and of models.
 
-    def score(record: Any) -> float:
-        samples = replay.simulate(record)
-        predicted = bands.transform(balances.residuals(replay.simulated(samples)))
-        return likelihood(measured - predicted).score
+    Args:
+        fitter: of the part that was fitted.
+        held: the part set aside.
+    """
 
-    return score
+    def __init__(self, fitter: Fitter, held: Segments) -> None:
+        self.fitter = fitter
+        self.rows = np.concatenate([np.arange(a, b) for a, b in held])
+        self._bands = bands_of(fitter.balances, held, fitter.bands.highest_Hz)
+        self._measured = self._transformed(fitter.balances.replay.measured)
+        nothing = np.zeros((1, *self._measured.shape), np.complex128)
+        self._plain = Likelihood(self._bands, nothing)
+
+    def _transformed(self, channels: Channels) -> Complex:
+        return self._bands.transform(self.fitter.balances.residuals(channels))
+
+    def _predicted(self, record: Any) -> Complex:
+        return self._transformed(self.fitter.balances.replay.channels_of(record))
+
+    def __call__(self, record: Any) -> float:
+        """2 log L of a ship's record."""
+        return self._plain(self._measured - self._predicted(record)).score
+
+    @functools.cached_property
+    def _nuisance(self) -> Complex:
+        """What each of the fitter's regressors moves here."""
+        moved = self.fitter.regressors(self._transformed)
+        return np.array(moved).reshape(-1, *self._measured.shape)
+
+    def score(self, fit: Fit) -> float:
+        """2 log L of a model, its values as unsure as the part that was fitted leaves them.
+
+        A value that the fitted part hardly tells may come out otherwise here without speaking against
+        the model: it is free about its own, with the covariance that the fit gives it, and pays for it.
+        """
+        fitter = self.fitter
+        there, columns = fitter.sensitivities(fit, self._transformed)
+        own = fitter.sensitivities(fit)[1]
+        information = fitter.likelihood.information(fit.weight, own)
+        values, vectors = np.linalg.eigh(information)
+        # directions in which the values and numbers are unsure, each by one standard deviation
+        axes = vectors / np.sqrt(np.maximum(values, 1e-12 * values.max()))
+        everything = np.concatenate([columns, self._nuisance])
+        moved = np.einsum("ik,imf->kmf", axes, everything)
+        lacking = self._measured - there
+        lacking = lacking - np.einsum("k,kmf->mf", fit.tolerances, self._nuisance)
+        return Likelihood(self._bands, moved)(lacking).score

@@ -1,4 +1,7 @@
-"""The verdict: whether the effects that were chosen hold, and whether more than noise is left."""
+"""The verdict: whether the effects that were chosen hold, and whether more than noise is left.
+
+It is given balance by balance first: what is sure in one is not thrown away for what is left in another.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,39 @@ from ..search.fitting import Fit
 from ..search.selection import TELL_APART, Selection
 from .whiteness import Colour, Whiteness
 
-EXPLAINED, NOTHING, UNEXPLAINED = "explained", "nothing-missing", "unexplained"
+EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
+    "explained", "partly-explained", "nothing-missing", "unexplained",
+)  # fmt: skip
 """Verdicts."""
 
 EXPLAINED_SHARE = 0.8
 """Named effects must explain this share of the residual's power beyond the noise, where what is left is
-more than noise; else they are not the truth and the verdict is ``unexplained``."""
+more than noise; else they are not all of the truth."""
+
+SURE_SHARE, SURE_GAIN = 0.5, 10.0
+"""Where they do not, an effect still holds that explains this share of its own balance's power, and
+whose gain is so many times its threshold."""
 
 CLOSE_SHARE = 0.6
 """Share of the best name's gain from which the second comes near it."""
+
+
+@dataclass(frozen=True)
+class BalanceVerdict:
+    """What was found in one balance.
+
+    Args:
+        name: of the balance.
+        verdict: as of the whole, for this balance alone.
+        explained: share of its residual's power beyond the noise that is explained; 1 where there was
+            none.
+        left: where what is left is more than noise; None where it is noise.
+    """
+
+    name: str
+    verdict: str
+    explained: float
+    left: Colour | None
 
 
 @dataclass(frozen=True)
@@ -26,19 +53,23 @@ class Verdict:
     """A verdict and what speaks for it.
 
     Args:
-        name: :data:`EXPLAINED`, :data:`NOTHING` or :data:`UNEXPLAINED`.
+        name: :data:`EXPLAINED`, :data:`PARTLY`, :data:`NOTHING` or :data:`UNEXPLAINED`.
         explained: share of the residual's power beyond the noise that the effects explain.
         colour: where the residual without any effect is more than noise; None where it is noise.
         left_over: likewise of what the effects leave.
+        balances: each for itself.
     """
 
     name: str
     explained: float
     colour: Colour | None
     left_over: Colour | None
+    balances: tuple[BalanceVerdict, ...]
 
 
-def verdict_of(selection: Selection, whiteness: Whiteness, gain: float, excited: bool) -> Verdict:
+def verdict_of(
+    selection: Selection, whiteness: Whiteness, gain: float, excited: bool, sure: bool = False
+) -> Verdict:
     """Judge what a search has chosen.
 
     Args:
@@ -46,26 +77,77 @@ def verdict_of(selection: Selection, whiteness: Whiteness, gain: float, excited:
         whiteness: of the residuals.
         gain: of the chosen effects in 2 log L, on the data set aside.
         excited: whether the demands move enough to tell effects apart.
+        sure: whether each effect holds for itself, whatever else is left.
     """
     null, fit = whiteness.fitter.null, selection.fit
     colour, left_over = whiteness.colour(null), whiteness.colour(fit)
-    explained = explained_share(whiteness, null, fit)
-    veto = bool(fit.effects) and gain < -TELL_APART
+    explained = float(explained_shares(whiteness, null, fit)[-1])
     several = len(fit.effects) > 1 or any(selection.rivals) or close_call(selection)
     undecided = bool(fit.effects) and not excited and several
-    not_the_truth = left_over is not None and explained < EXPLAINED_SHARE
-    name = EXPLAINED
-    if veto or undecided or not_the_truth or not fit.effects:
+    holds = bool(fit.effects) and gain >= -TELL_APART and not undecided
+    whole = left_over is None or explained >= EXPLAINED_SHARE
+    if holds and whole:
+        name = EXPLAINED
+    elif holds and sure:
+        name = PARTLY
+    else:
         # what was named does not hold, or nothing was: is there more than noise at all?
-        name = UNEXPLAINED if colour is not None or undecided or not_the_truth else NOTHING
-    return Verdict(name, explained, colour, left_over)
+        more = colour is not None or undecided or (holds and not whole)
+        name = UNEXPLAINED if more else NOTHING
+    told = fit if name in (EXPLAINED, PARTLY) else null
+    return Verdict(name, explained, colour, left_over, _balances(whiteness, told, name))
 
 
-def explained_share(whiteness: Whiteness, null: Fit, fit: Fit) -> float:
-    """Share of the residual's power beyond the noise that the effects explain, where it is judged."""
-    before, after = whiteness.ratios(null), whiteness.ratios(fit)
-    excess = np.maximum(before - 1.0, 0.0).sum()
-    return float(1.0 - np.maximum(after - 1.0, 0.0).sum() / excess) if excess > 0.0 else 1.0
+def _balances(whiteness: Whiteness, fit: Fit, name: str) -> tuple[BalanceVerdict, ...]:
+    """Each balance for itself, under the model that is told."""
+    null = whiteness.fitter.null
+    shares = explained_shares(whiteness, null, fit)
+    found = []
+    for row, balance in enumerate(whiteness.fitter.balances.names):
+        before, left = whiteness.colour(null, row), whiteness.colour(fit, row)
+        share = float(shares[row])
+        if before is None and left is None:
+            verdict, share = NOTHING, 1.0
+        elif left is None or share >= EXPLAINED_SHARE:
+            verdict = EXPLAINED
+        elif share >= SURE_SHARE:
+            verdict = PARTLY
+        else:
+            verdict = UNEXPLAINED
+        found.append(BalanceVerdict(balance, verdict, share, left))
+    return tuple(found)
+
+
+def explained_shares(whiteness: Whiteness, null: Fit, fit: Fit) -> np.ndarray:
+    """Share of the residual's power beyond the noise that a model explains, where it is judged.
+
+    Returns:
+        Of each balance, and of all together last; shape (balances + 1,).
+    """
+    before, after = (np.maximum(whiteness.ratios(f) - 1.0, 0.0).sum(axis=0) for f in (null, fit))
+    before, after = np.append(before, before.sum()), np.append(after, after.sum())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = 1.0 - after / before
+    return np.where(before > 0.0, shares, np.where(after > 0.0, 0.0, 1.0))
+
+
+def sure_effects(selection: Selection, rows: list[int], whiteness: Whiteness) -> list[int]:
+    """Effects that hold for themselves, whatever else is left.
+
+    Args:
+        selection: what was chosen, confirmed.
+        rows: balance in which each effect is shown, by index.
+        whiteness: of the residuals.
+
+    Returns:
+        Their indices.
+    """
+    shares = explained_shares(whiteness, whiteness.fitter.null, selection.fit)
+    told = zip(rows, selection.gains, selection.thresholds, strict=True)
+    return [
+        i for i, (row, gain, threshold) in enumerate(told)
+        if shares[row] >= SURE_SHARE and gain >= SURE_GAIN * threshold
+    ]  # fmt: skip
 
 
 def close_call(selection: Selection) -> bool:

@@ -93,13 +93,20 @@ class Whiteness:
             ratio[bands.frequency_Hz[bands.edges[1:] - 1] > SLOWER_THAN_SEA_HZ] = 0.0
         return np.asarray(ratio)
 
-    def colour(self, fit: Fit) -> Colour | None:
-        """Where a model's residual exceeds the noise most; None where it is noise."""
+    def colour(self, fit: Fit, balance: int | None = None) -> Colour | None:
+        """Where a model's residual exceeds the noise most; None where it is noise.
+
+        Args:
+            fit: the model.
+            balance: index of the one that is looked at; all by default.
+        """
         bands = self.fitter.bands
         freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
         limit = EXCESS * chi2.isf(CHANCE, freedom) / freedom
         ratios = self.ratios(fit)
         excess = ratios / limit[:, None]
+        if balance is not None:
+            excess[:, [row for row in range(excess.shape[1]) if row != balance]] = 0.0
         band, row = np.unravel_index(int(np.argmax(excess)), excess.shape)
         if excess[band, row] <= 1.0:
             return None

@@ -80,9 +80,7 @@ class Numbers:
     def values(self, fit: Fit) -> dict[str, float]:
         """Each number as a fit has it, by key, inside the range of the ship's file."""
         found = {}
-        for key, change in zip(
-            self.keys, self._changes @ fit.tolerances, strict=True
-        ):
+        for key, change in zip(self.keys, self._changes @ fit.tolerances, strict=True):
             number = self.fitter.trial_ship.ship.number(key)
             found[key] = float(np.clip(number.value + change, number.info.low, number.info.high))
         return found
@@ -172,18 +170,8 @@ class Numbers:
     def _errors(self, fit: Fit) -> NDArray[np.float64]:
         """Standard error of each number, the effects beside it unsure as well, in its unit."""
         fitter = self.fitter
-        here = fitter.predicted(fitter.trial_ship.record(fit.effects))
-        columns = []
-        for i, placed in enumerate(fit.effects):
-            for j, value in enumerate(placed.values):
-                values = [*placed.values]
-                values[j] += 1e-2 * abs(value) + 1e-9
-                trial = (*fit.effects[:i], placed.with_values(values), *fit.effects[i + 1 :])
-                moved = fitter.predicted(fitter.trial_ship.record(trial)) - here
-                if np.isfinite(moved).all():
-                    columns.append(moved)
-        regressors = np.array(columns).reshape(len(columns), *here.shape)
-        information = fitter.likelihood.information(fit.weight, regressors)
+        columns = fitter.sensitivities(fit)[1]
+        information = fitter.likelihood.information(fit.weight, columns)
         covariance = np.linalg.pinv(information, hermitian=True)[len(columns) :, len(columns) :]
         variances = np.einsum("nk,kl,nl->n", self._changes, covariance, self._changes)
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)))

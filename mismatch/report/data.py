@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ..judge.verdict import EXPLAINED
 from ..outcome import Outcome
 from ..simulate.balances import PART_OF
 from .numbers import numbers_as_dict, wrong_as_dict, wrong_of
@@ -26,6 +27,31 @@ def _location(diagnosis: Outcome) -> dict[str, Any]:
             "regime": diagnosis.shape_regime,
         }
     return {"balances": [], "windows_s": [], "regime": ""}
+
+
+def _balances(diagnosis: Outcome) -> dict[str, Any]:
+    """Each balance for itself: its verdict, the share of its power that is explained, what is left."""
+    found: dict[str, Any] = {}
+    shape = diagnosis.shape
+    for balance in diagnosis.balance_verdicts:
+        left: dict[str, Any] | None = None
+        if balance.left is not None and balance.verdict != EXPLAINED:
+            left = {
+                "share": 1.0 - balance.explained,
+                "low_Hz": balance.left.low_Hz,
+                "high_Hz": balance.left.high_Hz,
+                "times_noise": balance.left.ratio,
+                "shape": None,
+            }
+            if shape is not None and shape.balance == balance.name:
+                left["shape"] = {
+                    "signal": shape.signal, "signal_unit": shape.signal_unit, "unit": shape.unit,
+                    "knots": shape.knots.tolist(), "values": shape.values.tolist(),
+                }  # fmt: skip
+        found[balance.name] = {
+            "verdict": balance.verdict, "explained_share": balance.explained, "left": left,
+        }  # fmt: skip
+    return found
 
 
 def merged(windows: list[tuple[float, float]]) -> list[list[float]]:
@@ -57,12 +83,17 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
             {
                 "id": effect.id,
                 "balance": effect.balance,
+                "form": effect.form,
                 "equivalent_ids": list(
                     dict.fromkeys(c.effect.id for c in f.rivals if c.effect.id != effect.id)
                 ),
                 "equation": effect.equation,
                 "sentence": finding_sentence(f),
-                "parameters": {e.name: e.to_dict() for e in f.estimates},
+                "parameters": {
+                    e.name: e.to_dict() | ({"ci95": None} if f.unmeasured else {})
+                    for e in f.estimates
+                },
+                "unmeasured": f.unmeasured,
                 "evidence": {"score": f.score, "threshold": f.threshold},
                 "windows_s": [list(w) for w in f.windows],
                 "split_by": effect.split_by,
@@ -80,6 +111,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
         },
         "location": _location(diagnosis),
         "effects": effects,
+        "balances": _balances(diagnosis),
         "fit": {
             "held_out": {
                 "before": diagnosis.fit_before,

@@ -13,7 +13,7 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from ...plant.ship import Ship
-from ..judge.verdict import EXPLAINED, NOTHING
+from ..judge.verdict import NOTHING, UNEXPLAINED
 from ..outcome import Outcome
 from ..search.catalogue import catalogue, mistaken_for
 from ..search.placed import Placed
@@ -38,6 +38,7 @@ from .wording import (
 
 _WORDS = {
     "explained": "explained",
+    "partly-explained": "partly explained",
     "nothing-missing": "nothing missing",
     "unexplained": "unexplained",
     "undecided": "cannot be decided",
@@ -65,6 +66,7 @@ def report_html(diagnosis: Outcome) -> str:
         fits=_fits(diagnosis),
         findings=[_finding(diagnosis, i) for i in range(len(diagnosis.findings))],
         shape=_shape(diagnosis),
+        balances=_balances(diagnosis),
         located=[diagnosis.balances[row][0] for row in regimes.located_rows(diagnosis)[:2]],
         figures={key: [Markup(panel) for panel in panels] for key, panels in drawn.items()},
         shown=min(figures.RANKED, len(diagnosis.ranking)),
@@ -97,10 +99,27 @@ def _text(name: str) -> str:
 
 def _status(diagnosis: Outcome) -> str:
     """The verdict, or ``undecided`` where the recording's limits stand in its way."""
-    undecided = diagnosis.verdict == NOTHING or not diagnosis.excited
-    if diagnosis.limits and diagnosis.verdict != EXPLAINED and undecided:
-        return "undecided"
-    return diagnosis.verdict
+    undecided = diagnosis.limits and (diagnosis.undecidable or not diagnosis.excited)
+    return "undecided" if undecided and diagnosis.verdict == UNEXPLAINED else diagnosis.verdict
+
+
+def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
+    """Each balance for itself, as a row."""
+    rows = []
+    for balance in diagnosis.balance_verdicts:
+        left = balance.left
+        rows.append(
+            {
+                "name": balance.name,
+                "verdict": _WORDS[balance.verdict],
+                "share": "–" if left is None and balance.verdict == NOTHING
+                else f"{100.0 * max(balance.explained, 0.0):.0f} %",
+                "left": "noise" if left is None
+                else f"{number(left.ratio, 2)} times the noise's power between "
+                f"{number(left.low_Hz, 2)} and {number(left.high_Hz, 2)} Hz",
+            }
+        )  # fmt: skip
+    return rows
 
 
 def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
@@ -115,7 +134,9 @@ def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
                 "name": parameter_words(estimate.name, estimate.unit),
                 "key": breakable(estimate.key),
                 "value": number(estimate.value / factor),
-                "interval": f"{number(low / factor)} … {number(high / factor)}",
+                "interval": "not measured"
+                if finding.unmeasured
+                else f"{number(low / factor)} … {number(high / factor)}",
                 "unit": shown or "–",
             }
         )

@@ -25,7 +25,7 @@ INDEX_COLUMNS = (
 """Columns of the index. ``fit_before`` and ``fit_after`` are FitPercent on the data set aside, of the
 channel that gains most by the corrected ship."""
 
-_ORDER = {"unexplained": 0, "explained": 0, "nothing-missing": 1, "": 2}
+_ORDER = {"unexplained": 0, "partly-explained": 0, "explained": 0, "nothing-missing": 1, "": 2}
 
 
 def row_of(
@@ -177,7 +177,8 @@ td.number { text-align: right; white-space: nowrap; font-variant-numeric: tabula
 td.narrow { white-space: nowrap }
 small { color: #57636f }
 .verdict { padding: .1rem .5rem; border-radius: .6rem; white-space: nowrap }
-.explained { background: #d7e8f7 } .unexplained { background: #f9dfc4 }
+.explained { background: #d7e8f7 } .partly-explained { background: #e6ecd9 }
+.unexplained { background: #f9dfc4 }
 .nothing-missing { background: #dcefdc }
 """
 

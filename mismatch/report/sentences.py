@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..judge.findings import Finding
-from ..judge.verdict import EXPLAINED, NOTHING
+from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, BalanceVerdict
 from ..outcome import Outcome
 from .numbers import numbers_that_explain
 from .wording import measure, parameter_words
@@ -28,32 +28,58 @@ def finding_sentence(finding: Finding) -> str:
         unit = estimate.unit
         low, high = (measure(end, unit) for end in estimate.ci95)
         size = f"{measure(estimate.value, unit)} (95 %: {low} to {high})"
+        if finding.unmeasured:
+            size = f"about {measure(estimate.value, unit)}"
         alone = len(finding.estimates) == 1
         sizes.append(size if alone else f"{parameter_words(estimate.name, unit)} {size}")
     subject = "instrument" if effect.balance == "sensor" else f"{effect.balance} balance"
     where = f", {finding.regime}," if finding.regime else ""
     when = between(finding.windows)
-    return f"{when[:1].upper()}{when[1:]}{where} the {subject} lacks {effect.lacks}, {', '.join(sizes)}."
+    guess = f" ({finding.unmeasured}: no interval)" if finding.unmeasured else ""
+    said = f"{when[:1].upper()}{when[1:]}{where} the {subject} lacks {effect.lacks}"
+    return f"{said}, {', '.join(sizes)}{guess}."
+
+
+def partly_left(diagnosis: Outcome) -> list[BalanceVerdict]:
+    """Balances in which a partly explained recording leaves more than noise; none of another verdict."""
+    if diagnosis.verdict != PARTLY:
+        return []
+    return [b for b in diagnosis.balance_verdicts if b.left is not None and b.verdict != EXPLAINED]
+
+
+def left_sentence(balance: BalanceVerdict) -> str:
+    """What a balance leaves."""
+    share = max(1.0 - balance.explained, 0.0)
+    if share >= 1.0:
+        return f"In the {balance.name} balance nothing of it is explained."
+    return f"In the {balance.name} balance {100.0 * share:.0f} % of the power beyond noise is left."
+
+
+def differs(diagnosis: Outcome) -> bool:
+    """Whether any balance shows more than noise."""
+    return any(b.left is not None for b in diagnosis.balance_verdicts)
 
 
 def sentence(diagnosis: Outcome) -> str:
     """The answer in one sentence."""
     limits = "; ".join(diagnosis.limits)
-    if diagnosis.verdict == EXPLAINED:
-        return " ".join(finding_sentence(f) for f in diagnosis.findings)
+    if diagnosis.verdict in (EXPLAINED, PARTLY):
+        named = " ".join(finding_sentence(f) for f in diagnosis.findings)
+        return " ".join([named, *(left_sentence(b) for b in partly_left(diagnosis))])
     if diagnosis.verdict == NOTHING:
-        if limits:
-            return f"Cannot be decided, because {limits}."
         if right := numbers_that_explain(diagnosis):
             return (
                 f"Nothing is missing once the numbers are right: {right}. The simulation then differs "
                 "from the recording by no more than noise and tolerances allow."
             )
-        return (
+        said = (
             "Nothing is missing: the simulation differs from the recording by no more than noise and "
             "the tolerances of the ship's numbers allow."
         )
+        return f"{said} Mind that the recording is limited: {limits}." if limits else said
     shape = diagnosis.shape
+    if diagnosis.undecidable and not differs(diagnosis):
+        return f"Cannot be decided, because {limits}."
     if limits and not diagnosis.excited:
         return f"Something differs; which effect it is cannot be decided, because {limits}."
     if shape is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ..judge.verdict import NOTHING
 from ..outcome import Outcome
 from .numbers import table_rows, wrong_of, wrong_words
 from .sentences import sentence
@@ -51,6 +52,8 @@ def summary(diagnosis: Outcome) -> str:
             "The ship's numbers (moved by this recording: in tolerances)\n"
             + aligned(table_rows(diagnosis), right)
         )
+    if any(b.verdict != NOTHING for b in diagnosis.balance_verdicts):
+        parts.append("Balance by balance\n" + aligned(_balances(diagnosis), ("explained",)))
     held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
     parts.append(
         "FitPercent, 100 is perfect\n"
@@ -61,6 +64,20 @@ def summary(diagnosis: Outcome) -> str:
     return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
 
 
+def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
+    return [
+        {
+            "balance": b.name,
+            "verdict": b.verdict,
+            "explained": "" if b.verdict == NOTHING else f"{100.0 * max(b.explained, 0.0):.0f} %",
+            "left": "noise" if b.left is None
+            else f"{b.left.ratio:.3g} times the noise's power at {b.left.low_Hz:.2g} to "
+            f"{b.left.high_Hz:.2g} Hz",
+        }
+        for b in diagnosis.balance_verdicts
+    ]  # fmt: skip
+
+
 def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
     """One row a parameter; what belongs to the whole finding stands in its first."""
     rows = []
@@ -68,7 +85,7 @@ def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
         effect = finding.effect
         others = [c.effect.label for c in finding.rivals if c.effect.label != effect.label]
         of_all = {
-            "effect": effect.id,
+            "effect": f"{effect.id} ({effect.form})" if effect.form else effect.id,
             "balance": effect.balance,
             "evidence": f"{finding.score:.1f}",
             "threshold": f"{finding.threshold:.1f}",
@@ -81,8 +98,8 @@ def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
                 "balance": "",
                 "parameter": estimate.name,
                 "value": f"{estimate.value:.4g}",
-                "95 % from": f"{low:.4g}",
-                "to": f"{high:.4g}",
+                "95 % from": "" if finding.unmeasured else f"{low:.4g}",
+                "to": "" if finding.unmeasured else f"{high:.4g}",
                 "unit": estimate.unit,
                 "evidence": "",
                 "threshold": "",

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from scipy.optimize import minimize, minimize_scalar
 
 from ..estimate import Estimate
 from ..simulate.at_once import at_once
-from ..simulate.balances import Balances
-from ..simulate.tolerances import NEAR, UNMOVED, tolerance_moves
+from ..simulate.balances import Balances, Channels
+from ..simulate.tolerances import NEAR, Moved, tolerance_moves
 from .placed import Placed
 from .spectra import Bands, Complex, Likelihood
 from .trial_ship import TrialShip
@@ -36,8 +36,18 @@ MISTIMED = 2.0 / math.sqrt(12.0)
 """Standard deviation of the time at which a demand moves between two rows, in what holding it up to the
 next row does beside a line: evenly likely over the interval, of which that is half."""
 
+MOST_STEPS, SETTLED = 6, 0.05
+"""Of Gauss and Newton; and the gain in 2 log L below which they end."""
+
+LEAST_STEP, REACH = 1e-3, 0.5
+"""Over which a derivative is taken, and what a step is given beforehand, in a search's coordinates."""
+
 EDGE_S = 30.0
 """Unit of a window's edges in the search [s]."""
+
+
+Transformed: TypeAlias = Callable[[Channels], Complex]
+"""Makes what is compared of simulated channels."""
 
 
 @dataclass(frozen=True)
@@ -90,27 +100,70 @@ class Fitter:
         self.measured = bands.transform(balances.residuals(replay.measured))
         self._cache: dict[bytes, Complex] = {}
         self._room = int(np.clip(REMEMBERED_BYTES / self.measured.nbytes, 4, REMEMBERED))
-        nominal = self.predicted(self.trial_ship.nominal)
         self.moves = tuple(tolerance_moves(replay, scale, free, NEAR))
-        columns = list(
-            at_once(lambda m: (self._predict(m.record, m.start) - nominal) / m.share, self.moves)
-        )
-        if doubt:
-            for other in replay.mistimed():
-                lacking = balances.residuals(other.channels_of(self.trial_ship.nominal))
-                columns.append(MISTIMED * (bands.transform(lacking) - nominal))
-        self.nuisance = np.array(columns)
+        self._doubt = doubt
+        self.nuisance = np.array(self.regressors(self._transformed))
         self.likelihood = Likelihood(bands, self.nuisance)
-        self._shares = np.zeros(len(columns))
+        self._shares = np.zeros(len(self.nuisance))
         self.null = self.fitted(())
         self._shares = self.null.tolerances
 
-    def _predict(self, record: Any, shift: tuple[float, float, float] = UNMOVED) -> Complex:
-        self.simulations += 1
-        replay = self.balances.replay
+    def _transformed(self, channels: Channels) -> Complex:
         with np.errstate(invalid="ignore", over="ignore"):  # a trial may run away; it is refused
-            lacking = self.balances.residuals(replay.channels_of(record, shift))
-            return self.bands.transform(lacking)
+            return self.bands.transform(self.balances.residuals(channels))
+
+    def regressors(self, transformed: Transformed) -> list[Complex]:
+        """What each number off by its tolerance moves, and each demand that moved at another time.
+
+        Args:
+            transformed: makes what is compared of simulated channels.
+        """
+        replay, plain = self.balances.replay, self.trial_ship.nominal
+        nominal = transformed(replay.channels_of(plain))
+
+        def moved(move: Moved) -> Complex:
+            return (transformed(replay.channels_of(move.record, move.start)) - nominal) / move.share
+
+        found = list(at_once(moved, self.moves))
+        if self._doubt:
+            for other in replay.mistimed():
+                found.append(MISTIMED * (transformed(other.channels_of(plain)) - nominal))
+        return found
+
+    def sensitivities(
+        self, fit: Fit, transformed: Transformed | None = None
+    ) -> tuple[Complex, NDArray[np.complex128]]:
+        """What a model predicts, and its derivative by each value of its effects.
+
+        Args:
+            fit: the model.
+            transformed: makes what is compared of simulated channels; the fitted part's by default.
+
+        Returns:
+            Shapes (balances, frequencies) and (values, balances, frequencies), by steps of a hundredth.
+        """
+        replay, record = self.balances.replay, self.trial_ship.record
+
+        def predicted(plant: Any) -> Complex:
+            if transformed is None:
+                return self.predicted(plant)
+            return transformed(replay.channels_of(plant))
+
+        here = predicted(record(fit.effects))
+        columns = []
+        for i, placed in enumerate(fit.effects):
+            for j, value in enumerate(placed.values):
+                step = 1e-2 * abs(value) + 1e-9
+                values = [*placed.values]
+                values[j] += step
+                trial = (*fit.effects[:i], placed.with_values(values), *fit.effects[i + 1 :])
+                moved = predicted(record(trial)) - here
+                columns.append(moved / step if np.isfinite(moved).all() else np.zeros_like(here))
+        return here, np.array(columns, np.complex128).reshape(-1, *here.shape)
+
+    def _predict(self, record: Any) -> Complex:
+        self.simulations += 1
+        return self._transformed(self.balances.replay.channels_of(record))
 
     def predicted(self, record: Any) -> Complex:
         """Transformed balance residuals of a simulation; remembers the last ones."""
@@ -181,26 +234,55 @@ class Fitter:
 
     def joint(self, fit: Fit, evaluations: int = 90) -> Fit:
         """Refit all effects together."""
-        return self._searched(fit, list(range(len(fit.effects))), evaluations, spread=0.1)
+        everything = list(range(len(fit.effects)))
+        found = self._searched(fit, everything, evaluations, spread=0.1)
+        return self.polished(found)
+
+    def polished(self, fit: Fit) -> Fit:
+        """Refit all effects together by Gauss-Newton steps, from values that are near.
+
+        Each step is a generalised least squares problem under the covariance of what is left after it,
+        as :class:`shaftline.mismatch.numbers.output_error.OutputError` makes them.
+        """
+        search = _JointSearch(self.trial_ship, fit.effects)
+        point = search.start
+        for _ in range(MOST_STEPS):
+            here = self.predicted(self.trial_ship.record(fit.effects))
+            moved = [search.placed(point + row) for row in LEAST_STEP * np.eye(len(point))]
+            self.ahead(moved)
+            columns = np.array(
+                [self.predicted(self.trial_ship.record(m)) - here for m in moved]
+            ) * (REACH / LEAST_STEP)
+            if not np.isfinite(columns).all():
+                break
+            regressors = np.concatenate([columns, self.nuisance])
+            start = np.concatenate([np.zeros(len(point)), fit.tolerances])
+            shares = Likelihood(self.bands, regressors)(fit.difference, start).shares
+            step, better = REACH * shares[: len(point)], None
+            for share in (1.0, 0.3, 0.1):
+                found = self.fitted(search.placed(point + share * step))
+                if found.score > fit.score:
+                    better = found
+                    break
+            if better is None:
+                break
+            gain = better.score - fit.score
+            point, fit = point + share * step, better
+            if gain < SETTLED:
+                break
+        return fit
 
     def _searched(self, fit: Fit, which: list[int], evaluations: int, spread: float) -> Fit:
-        searches = [_Search(self.trial_ship, fit.effects[i]) for i in which]
-        points = [search.point() for search in searches]
-        cuts = np.cumsum([len(point) for point in points])[:-1]
+        search = _JointSearch(self.trial_ship, fit.effects, which)
         best = [fit]
 
         def loss(point: Any) -> float:
-            trial = list(fit.effects)
-            for i, search, part in zip(
-                which, searches, np.split(np.atleast_1d(point), cuts), strict=True
-            ):
-                trial[i] = search.placed(part)
-            found = self.fitted(tuple(trial))
+            found = self.fitted(search.placed(point))
             if found.score > best[0].score:
                 best[0] = found
             return -found.score if math.isfinite(found.score) else 1e12
 
-        start = np.concatenate(points)
+        start = search.start
         if len(start) == 1:
             minimize_scalar(
                 loss, bounds=(start[0] - 1.5, start[0] + 1.5), method="bounded",
@@ -261,6 +343,28 @@ class Fitter:
         return [tuple(estimates) for estimates in found]
 
 
+class _JointSearch:
+    """Coordinates of some effects of a model, the others held."""
+
+    def __init__(
+        self, trial_ship: TrialShip, effects: tuple[Placed, ...], which: list[int] | None = None
+    ) -> None:
+        self._effects = effects
+        self._which = list(range(len(effects))) if which is None else which
+        self._searches = [_Search(trial_ship, effects[i]) for i in self._which]
+        points = [search.point() for search in self._searches]
+        self._cuts = np.cumsum([len(point) for point in points])[:-1]
+        self.start = np.concatenate(points)
+
+    def placed(self, point: Any) -> tuple[Placed, ...]:
+        """All effects of the model, those that are searched at coordinates."""
+        trial = list(self._effects)
+        parts = np.split(np.atleast_1d(point), self._cuts)
+        for i, search, part in zip(self._which, self._searches, parts, strict=True):
+            trial[i] = search.placed(part)
+        return tuple(trial)
+
+
 class _Search:
     """Coordinates in which an effect is searched: logarithms of its values' distances from neutral,
     and its window's edges in units of :data:`EDGE_S`.
@@ -268,8 +372,9 @@ class _Search:
 
     def __init__(self, trial_ship: TrialShip, placed: Placed) -> None:
         self._placed = placed
-        self._neutral, self._sign, self._least = [], [], []
+        self._neutral, self._sign, self._least, self._ranges = [], [], [], []
         for parameter, value in placed.pairs:
+            self._ranges.append(trial_ship.range_of(parameter))
             base = trial_ship.origin(parameter)
             self._neutral.append(base)
             self._sign.append(1.0 if value >= base else -1.0)
@@ -286,9 +391,9 @@ class _Search:
         point = np.atleast_1d(point)
         count = len(self._neutral)
         values = [
-            n + s * max(math.exp(min(x, 60.0)), least)
-            for n, s, least, x in zip(
-                self._neutral, self._sign, self._least, point[:count], strict=True
+            float(np.clip(n + s * max(math.exp(min(x, 60.0)), least), *ends))
+            for n, s, least, ends, x in zip(
+                self._neutral, self._sign, self._least, self._ranges, point[:count], strict=True
             )
         ]
         window = self._placed.window

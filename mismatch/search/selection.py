@@ -47,7 +47,7 @@ class Selection:
         fit: the model, with the chosen effects in the order of their discovery.
         gains: in 2 log L that each chosen effect brings, the others present.
         thresholds: that each had to pass.
-        rivals: of each chosen effect: others that would have done as well, best first.
+        rivals: of each chosen effect: others that came near it, best first.
         ranking: the first screen of the whole catalogue, best first.
     """
 
@@ -142,6 +142,8 @@ class Selector:
         found = []
         for candidate in self._worth(candidates):
             fit = self.fitter.refined(candidate.fit, len(candidate.fit.effects) - 1)
+            if len(candidate.effect.parameters) > 1:
+                fit = self.fitter.polished(fit)
             found.append(Candidate(candidate.effect, fit, fit.score - base.score))
         return sorted(found, key=self._merit, reverse=True)
 
@@ -160,12 +162,8 @@ class Selector:
             if not refined or self._merit(refined[0]) <= 0.0:
                 break
             best = refined[0]
-            fit = best.fit if len(best.fit.effects) == 1 else self.fitter.joint(best.fit)
-            rivals[best.effect.label] = tuple(
-                c
-                for c in refined[1:]
-                if self._merit(best) - self._merit(c) < max(TELL_APART, NEAR_SHARE * best.gain)
-            )
+            fit = self.fitter.joint(best.fit)
+            rivals[best.effect.label] = tuple(refined[1:])
             base = self._without_the_idle(fit)
         gains = tuple(base.score - self._without(base, i).score for i in range(len(base.effects)))
         return Selection(

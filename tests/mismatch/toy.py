@@ -62,6 +62,7 @@ class Toy:
     names = ("engine", "hull")
     units = ("N m", "N")
     moving = True
+    gauged = True
     prime_mover = "engine"
     controllable = False
     start = (1.2, 10.0, 7.0)

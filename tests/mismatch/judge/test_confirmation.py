@@ -19,13 +19,7 @@ FOULING = entry("hull-fouling (hull)")
 
 
 class Fitter:
-    """Joins effects by their labels, so that a judge can tell them."""
-
-    def __init__(self) -> None:
-        self.trial_ship = SimpleNamespace(record=lambda effects: self._names(effects))
-
-    def _names(self, effects: Any) -> tuple[str, ...]:
-        return tuple(placed.effect.id for placed in effects)
+    """Joins effects, and remembers that they were fitted again."""
 
     def fitted(self, effects: Any) -> Any:
         return SimpleNamespace(effects=effects, refitted=False)
@@ -47,7 +41,8 @@ def chosen(*effects: Any, gains: tuple[float, ...]) -> Selection:
 def kept(selection: Selection, **judged: float) -> Selection:
     """What is confirmed, where an effect's share in the data set aside is its score."""
 
-    def judge(names: Any) -> float:
+    def judge(fit: Any) -> float:
+        names = (placed.effect.id for placed in fit.effects)
         return sum(judged.get(name.replace("-", "_"), 1.0) for name in names)
 
     fitter: Any = Fitter()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.held_out import bands_of, held_out_judge, set_aside
+from shaftline.mismatch.judge.held_out import HeldOut, bands_of, set_aside
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.spectra import Likelihood
 
@@ -117,7 +117,7 @@ def test_bands_reach_four_fifths_of_nyquist_s_frequency() -> None:
 
 def test_the_part_set_aside_is_judged_alone() -> None:
     fit = fitter({FRICTION: 6000.0})
-    judge = held_out_judge(fit, [(300, ROWS)])
+    judge = HeldOut(fit, [(300, ROWS)])
     grid = bands_of(fit.balances, [(300, ROWS)])
     scores = []
     for value in (0.0, 6000.0):

@@ -11,9 +11,11 @@ import pytest
 from shaftline.mismatch.judge.verdict import (
     EXPLAINED,
     NOTHING,
+    PARTLY,
     UNEXPLAINED,
     close_call,
-    explained_share,
+    explained_shares,
+    sure_effects,
     verdict_of,
 )
 from shaftline.mismatch.judge.whiteness import Colour
@@ -25,7 +27,8 @@ class Whiteness:
     """Stands for the judge of residuals: given power ratios, and colour where a fit has one."""
 
     def __init__(self, before: Any, after: Any, null: bool = True, left: bool = False) -> None:
-        self.fitter = SimpleNamespace(null="null")
+        names = [f"row{k}" for k in range(np.shape(before)[1])]
+        self.fitter = SimpleNamespace(null="null", balances=SimpleNamespace(names=names))
         self._ratios = {"null": np.array(before), "fit": np.array(after)}
         self._colours = {"null": RED if null else None, "fit": RED if left else None}
 
@@ -35,8 +38,11 @@ class Whiteness:
     def ratios(self, fit: Any) -> Any:
         return self._ratios[self._key(fit)]
 
-    def colour(self, fit: Any) -> Colour | None:
-        return self._colours[self._key(fit)]
+    def colour(self, fit: Any, balance: int | None = None) -> Colour | None:
+        """A balance is coloured where the whole is and its ratio is above 1."""
+        key = self._key(fit)
+        plain = balance is not None and self._ratios[key][:, balance].max() <= 1.0
+        return None if plain else self._colours[key]
 
 
 def selection(*gains: float, effects: int = 1, rivals: int = 0) -> Any:
@@ -53,9 +59,16 @@ def verdict(chosen: Any, whiteness: Whiteness, gain: float = 50.0, excited: bool
 
 def test_the_explained_share_is_of_the_power_beyond_noise() -> None:
     whiteness: Any = Whiteness([[9.0, 3.0], [0.5, 1.0]], [[3.0, 1.5], [0.9, 0.2]])
-    assert explained_share(whiteness, "null", "fit") == pytest.approx(1.0 - 2.5 / 10.0)  # type: ignore[arg-type]
+    null: Any = "null"
+    fit: Any = "fit"
+    shares = explained_shares(whiteness, null, fit)
+    assert shares == pytest.approx([1.0 - 2.0 / 8.0, 1.0 - 0.5 / 2.0, 1.0 - 2.5 / 10.0])
     noise: Any = Whiteness([[0.9, 1.0]], [[3.0, 0.2]])
-    assert explained_share(noise, "null", "fit") == 1.0  # type: ignore[arg-type]
+    assert list(explained_shares(noise, null, fit)) == [
+        0.0,
+        1.0,
+        0.0,
+    ]  # worse than nothing, and noise
 
 
 @pytest.mark.parametrize(("second", "close"), [(59.9, False), (60.0, False), (60.1, True)])
@@ -109,3 +122,36 @@ def test_where_nothing_was_chosen_the_colour_decides() -> None:
         assert verdict(none, Whiteness([[1.0]], [[1.0]], null=False), 0.0, excited) == NOTHING
         # what is vetoed must have been named
         assert verdict(none, Whiteness([[1.0]], [[1.0]], null=False), -9.0, excited) == NOTHING
+
+
+def test_what_is_sure_in_one_balance_is_not_thrown_away_for_another() -> None:
+    """Nine tenths of one balance explained, nothing of another that is as far from noise."""
+    poor = Whiteness([[91.0, 91.0]], [[10.0, 91.0]], left=True)
+    found: Any = verdict_of(selection(500.0), poor, 50.0, True, sure=True)  # type: ignore[arg-type]
+    assert found.name == PARTLY
+    assert [b.verdict for b in found.balances] == [EXPLAINED, UNEXPLAINED]
+    assert [b.explained for b in found.balances] == pytest.approx([0.9, 0.0])
+    assert verdict(selection(500.0), poor) == UNEXPLAINED  # where it is not
+    refuted: Any = verdict_of(selection(500.0), poor, -6.01, True, sure=True)  # type: ignore[arg-type]
+    assert refuted.name == UNEXPLAINED
+
+
+@pytest.mark.parametrize(
+    ("after", "name"), [(18.9, EXPLAINED), (19.1, PARTLY), (45.9, PARTLY), (46.1, UNEXPLAINED)]
+)
+def test_each_balance_is_judged_for_itself(after: float, name: str) -> None:
+    whiteness: Any = Whiteness([[91.0, 1.0]], [[after, 1.0]], left=True)
+    found: Any = verdict_of(selection(500.0), whiteness, 50.0, True, sure=True)  # type: ignore[arg-type]
+    assert [b.verdict for b in found.balances] == [name, NOTHING]
+
+
+@pytest.mark.parametrize(
+    ("after", "gain", "sure"),
+    [(45.9, 100.1, [0]), (46.1, 100.1, []), (45.9, 99.9, []), (45.9, 1e4, [0])],
+)
+def test_an_effect_is_sure_by_its_own_balance_and_its_gain(
+    after: float, gain: float, sure: list[int]
+) -> None:
+    whiteness: Any = Whiteness([[500.0, 91.0]], [[499.0, after]], left=True)
+    chosen: Any = SimpleNamespace(fit="fit", gains=(gain,), thresholds=(10.0,))
+    assert sure_effects(chosen, [1], whiteness) == sure

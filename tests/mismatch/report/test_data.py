@@ -22,6 +22,8 @@ def test_a_finding_has_its_place_numbers_and_evidence() -> None:
     assert found == {
         "id": "coulomb-friction",
         "balance": "engine",
+        "form": "",
+        "unmeasured": "",
         "equivalent_ids": ["viscous-friction"],
         "equation": effect.equation,
         "sentence": diagnosis.sentence,

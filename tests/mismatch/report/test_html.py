@@ -73,6 +73,7 @@ CASES: dict[str, dict[str, Any]] = {
     "nothing-missing": {},
     "undecided": {
         "limits": ["dull: the rack stands still"],
+        "undecidable": True,
         "warnings": ["two rows were <b>lost</b>"],
         "ship": load_ship("frigate").model_copy(update={"name": "a<b ship"}),
     },
@@ -83,7 +84,7 @@ CASES: dict[str, dict[str, Any]] = {
 def pages() -> dict[str, tuple[Diagnosis, str]]:
     made = {}
     for name, changes in CASES.items():
-        diagnosis = diagnosis_of("nothing-missing" if name == "undecided" else name, **changes)
+        diagnosis = diagnosis_of("unexplained" if name == "undecided" else name, **changes)
         made[name] = diagnosis, report_html(diagnosis)
     return made
 
@@ -106,7 +107,7 @@ def test_every_verdict_gives_a_page_that_needs_nothing_else(
 @pytest.mark.parametrize("case", CASES)
 def test_every_figure_is_there(case: str, pages: dict[str, tuple[Diagnosis, str]]) -> None:
     expected = {"traces": 4, "residuals": 2, "regimes": 2, "spectra": 2, "ranking": 1}
-    if case == "unexplained":
+    if case in ("unexplained", "undecided"):
         expected["shape"] = 1
     assert outline(pages[case][1]).figures == expected
 
@@ -219,7 +220,9 @@ def test_fits_are_drawn_between_0_and_100(value: float, percent: str, width: str
     ("verdict", "changes", "status"),
     [
         ("explained", {"limits": ["dull"], "excited": False}, "explained"),
-        ("nothing-missing", {"limits": ["dull"]}, "undecided"),
+        ("nothing-missing", {"limits": ["dull"]}, "nothing-missing"),
+        ("unexplained", {"limits": ["too short"], "undecidable": True}, "undecided"),
+        ("partly-explained", {"limits": ["dull"], "excited": False}, "partly-explained"),
         ("nothing-missing", {"limits": [], "excited": False}, "nothing-missing"),
         ("unexplained", {"limits": ["dull"], "excited": False}, "undecided"),
         ("unexplained", {"limits": ["dull"]}, "unexplained"),

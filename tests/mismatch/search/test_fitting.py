@@ -228,7 +228,7 @@ def test_a_size_stays_where_it_can_be_told_from_others(trial_ship: TrialShip) ->
     search = _Search(trial_ship, air)
     assert search.placed([-40.0, 0.0]).values[0] == pytest.approx(least)
     assert search.placed([math.log(2.0 * least), 0.0]).values[0] == pytest.approx(2.0 * least)
-    assert search.placed([99.0, 0.0]).values[0] == math.exp(60.0)
+    assert search.placed([99.0, 0.0]).values[0] == 0.95  # as much as can be lost
 
 
 def test_windows_are_searched_by_their_edges(trial_ship: TrialShip) -> None:

@@ -1,0 +1,74 @@
+"""The corrected ship: all that holds, and never worse than the nominal one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...plant.ship import Ship
+from ..simulate.joint_replay import JointReplay
+
+WORSE = 0.02
+"""Share by which the error of a channel may rise, run freely on data set aside, and count as equal."""
+
+OF_NOISE = 0.1
+"""The same in rms of the channel's noise."""
+
+
+class FreeRunning:
+    """Errors of ships that run freely under the recorded demands, on data set aside.
+
+    Args:
+        replay: of the recordings.
+        rows: set aside.
+    """
+
+    def __init__(self, replay: JointReplay, rows: NDArray[np.int64]) -> None:
+        self._replay = replay
+        self._rows = rows
+
+    def errors(self, ship: Ship) -> dict[str, float]:
+        """Rms error of each channel, in its unit."""
+        simulated = self._replay.channels_of(ship.record())
+        return {
+            c: float(np.sqrt(np.mean((y[self._rows] - simulated[c][self._rows]) ** 2)))
+            for c, y in self._replay.recorded.items()
+        }
+
+    def worse(self, errors: Mapping[str, float], than: Mapping[str, float]) -> list[str]:
+        """Channels that are followed worse, or not at all."""
+        noise = self._replay.noise_rms
+        return [
+            c for c, before in than.items()
+            if not errors[c] <= (1.0 + WORSE) * before + OF_NOISE * noise[c]
+        ]  # fmt: skip
+
+
+def corrected_ship(
+    nominal: Ship, candidates: Iterable[Ship], judge: Callable[[Any], float], free: FreeRunning
+) -> tuple[Ship, float, list[str]]:
+    """The first of some ships that is likelier than the nominal one and runs no worse in any channel.
+
+    Args:
+        nominal: the ship as the diagnosis began.
+        candidates: corrected ships, the one that carries most first.
+        judge: 2 log L of a ship's record on data set aside.
+        free: runs them freely there.
+
+    Returns:
+        The ship, or the nominal one; what it gains in 2 log L; and the channels in which the first
+        candidate was worse.
+    """
+    before, start = free.errors(nominal), judge(nominal.record())
+    spoilt: list[str] = []
+    for k, ship in enumerate(candidates):
+        gain = judge(ship.record()) - start
+        worse = free.worse(free.errors(ship), before)
+        if k == 0:
+            spoilt = worse
+        if gain > 0.0 and not worse:
+            return ship, gain, spoilt
+    return nominal, 0.0, spoilt
