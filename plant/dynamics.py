@@ -70,7 +70,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         omega, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
         submergence, inputs.time,
     )  # fmt: skip
-    if plant.term_count > 0:
+    if plant.term_early > 0:
         before = added_before(plant, heard, states, inputs.outside)
         kinematic = kinematic + before.inflow_velocity
         demand = demand + before.drive

@@ -141,6 +141,20 @@ def _walk(
     raise TermError(f"{source!r}: {ast.unparse(node)!r} cannot stand in an expression")
 
 
+def deepest(program: Program) -> int:
+    """Most values that stand on the stack at once while a program runs."""
+    depth = most = 0
+    for code, index in program:
+        if code in (CONSTANT, SIGNAL):
+            depth += 1
+        elif code == TABLE:
+            depth -= index
+        elif code <= POWER or code >= MIN:
+            depth -= 1
+        most = max(most, depth)
+    return most
+
+
 def names_in(expression: str) -> list[str]:
     """Names in an expression that stand for values, not functions; none in what is no expression."""
     try:

@@ -73,9 +73,6 @@ class Added(NamedTuple):
     rate_3: Real
 
 
-_ALL = BEFORE + len(Added._fields)
-
-
 @compiled
 def outside_at(signals: Any, row: int) -> tuple[float, ...]:
     """What is heard from outside at a row of an array of shape (rows, MAX_SIGNALS), or its only one."""
@@ -97,10 +94,15 @@ def added_before(
         states: of its terms.
         outside: signals from outside the ship.
     """
-    nothing = heard.shaft_speed * 0.0
-    none = Loaded(nothing, nothing, nothing, nothing, nothing)
-    sums = _sums(plant, heard, none, states, outside, 0, BEFORE)
-    return AddedBefore(sums[0], sums[1])
+    none = Loaded(0.0, 0.0, 0.0, 0.0, 0.0)
+    signals = _signals(heard, none, states, outside)
+    drive = inflow_velocity = signals[0] * 0.0
+    for slot in range(plant.term_programs):
+        if plant.term_place[slot] == 0:
+            drive += _value(plant, signals, slot)
+        elif plant.term_place[slot] == 1:
+            inflow_velocity += _value(plant, signals, slot)
+    return AddedBefore(drive, inflow_velocity)
 
 
 @compiled_apart
@@ -117,49 +119,107 @@ def added(
         states: of its terms.
         outside: signals from outside the ship.
     """
-    s = _sums(plant, heard, loaded, states, outside, BEFORE, _ALL)
-    return Added(s[2], s[3], s[4], s[5], s[6], s[7], s[8], s[9])
+    signals = _signals(heard, loaded, states, outside)
+    t = q = m = r = p = rate_1 = rate_2 = rate_3 = signals[0] * 0.0
+    for slot in range(plant.term_programs):
+        place = plant.term_place[slot]
+        if place < BEFORE:
+            continue
+        value = _value(plant, signals, slot)
+        if place == 2:
+            t += value
+        elif place == 3:
+            q += value
+        elif place == 4:
+            m += value
+        elif place == 5:
+            r += value
+        elif place == 6:
+            p += value
+        elif place == 7:
+            rate_1 += value
+        elif place == 8:
+            rate_2 += value
+        else:
+            rate_3 += value
+    return Added(t, q, m, r, p, rate_1, rate_2, rate_3)
 
 
 @compiled
-def _sums(
-    plant: Record, heard: Heard, loaded: Loaded, states: tuple[Real, ...],
-    outside: tuple[float, ...], first: int, end: int,
-) -> Any:  # fmt: skip
-    """Sums at the places from ``first`` up to ``end``."""
-    signals = np.array([
-        heard.shaft_speed, heard.ship_speed, heard.pitch_ratio, heard.pitch_command, heard.drive,
-        heard.advance_velocity, heard.submergence, heard.time,
-        loaded.thrust, loaded.propeller_torque, loaded.brake_torque, loaded.resistance,
-        loaded.pitch_rate, states[0], states[1], states[2],
-        outside[0], outside[1], outside[2], outside[3], outside[4], outside[5],
-    ])  # fmt: skip
-    stack = np.empty(MAX_DEPTH, signals.dtype)
-    sums = np.zeros(_ALL, signals.dtype)
-    for slot in range(plant.term_programs):
-        place = plant.term_place[slot]
-        if place < first or place >= end:
-            continue
-        term = plant.term_owner[slot]
-        top = -1
-        for k in range(plant.term_length[slot]):
-            code, index = plant.term_code[slot, k], plant.term_index[slot, k]
-            if code == CONSTANT:
-                top += 1
-                stack[top] = plant.term_constants[term, index]
-            elif code == SIGNAL:
-                top += 1
-                stack[top] = signals[index]
-            elif code == TABLE:
-                top -= index
-                stack[top] = _tabled(stack, top, index // 2)
-            elif code <= POWER or code >= MIN:
-                top -= 1
-                stack[top] = _of_two(code, stack[top], stack[top + 1])
-            else:
-                stack[top] = _of_one(code, stack[top])
-        sums[place] += stack[0]
-    return sums
+def _signals(
+    heard: Heard, loaded: Loaded, states: tuple[Real, ...], outside: tuple[float, ...]
+) -> tuple[Real, ...]:
+    """All signals in their order, of one type: complex where any of them is."""
+    of_type = 0.0 * (
+        heard.shaft_speed + heard.ship_speed + heard.pitch_ratio + heard.pitch_command + heard.drive
+        + heard.advance_velocity + heard.submergence + heard.time + loaded.thrust
+        + states[0] + states[1] + states[2] + outside[0]
+    )  # fmt: skip
+    return (
+        of_type + heard.shaft_speed, of_type + heard.ship_speed, of_type + heard.pitch_ratio,
+        of_type + heard.pitch_command, of_type + heard.drive, of_type + heard.advance_velocity,
+        of_type + heard.submergence, of_type + heard.time, of_type + loaded.thrust,
+        of_type + loaded.propeller_torque, of_type + loaded.brake_torque,
+        of_type + loaded.resistance, of_type + loaded.pitch_rate,
+        of_type + states[0], of_type + states[1], of_type + states[2],
+        of_type + outside[0], of_type + outside[1], of_type + outside[2],
+        of_type + outside[3], of_type + outside[4], of_type + outside[5],
+    )  # fmt: skip
+
+
+@compiled
+def _value(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
+    """Value of a program."""
+    if plant.term_depth[slot] <= REGISTERS:
+        return _in_registers(plant, signals, slot)
+    return _on_a_stack(plant, signals, slot)
+
+
+REGISTERS = 4
+"""Depth up to which a program needs no stack in memory."""
+
+
+@compiled
+def _in_registers(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
+    """Value of a program that is not deep; ``a`` is the top of its stack."""
+    term = plant.term_owner[slot]
+    a = b = c = d = signals[0] * 0.0
+    for k in range(plant.term_length[slot]):
+        code, index = plant.term_code[slot, k], plant.term_index[slot, k]
+        if code == CONSTANT:
+            a, b, c, d = a * 0.0 + plant.term_constants[term, index], a, b, c
+        elif code == SIGNAL:
+            a, b, c, d = signals[index], a, b, c
+        elif code <= POWER or code >= MIN:
+            a, b, c = _of_two(code, b, a), c, d
+        else:
+            a = _of_one(code, a)
+    return a
+
+
+@compiled_apart
+def _on_a_stack(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
+    """The same of any program."""
+    term = plant.term_owner[slot]
+    stack = np.zeros(MAX_DEPTH, np.array(signals[:1]).dtype)
+    top = -1
+    for k in range(plant.term_length[slot]):
+        code, index = plant.term_code[slot, k], plant.term_index[slot, k]
+        if code == CONSTANT:
+            top += 1
+            stack[top] = plant.term_constants[term, index]
+        elif code == SIGNAL:
+            top += 1
+            stack[top] = signals[index]
+        elif code == TABLE:
+            top -= index
+            stack[top] = _tabled(stack, top, index // 2)
+        elif code <= POWER or code >= MIN:
+            top -= 1
+            stack[top] = _of_two(code, stack[top], stack[top + 1])
+        else:
+            stack[top] = _of_one(code, stack[top])
+    return stack[0]
 
 
 @compiled_apart
@@ -178,7 +238,7 @@ def _tabled(stack: Any, at: int, count: int) -> Real:
     return stack[first + 2 * count - 1]
 
 
-@compiled_apart
+@compiled
 def _of_two(code: int, left: Real, right: Real) -> Real:
     if code == ADD:
         return left + right
@@ -202,7 +262,7 @@ def _of_two(code: int, left: Real, right: Real) -> Real:
     return product if right.real >= 0.0 else 1.0 / product
 
 
-@compiled_apart
+@compiled
 def _of_one(code: int, x: Real) -> Real:
     if code == NEGATE:
         return -x

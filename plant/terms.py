@@ -29,7 +29,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from .expressions import FUNCTIONS, Program, TermError, names_in, parsed
+from .expressions import FUNCTIONS, Program, TermError, deepest, names_in, parsed
 from .keys import Section
 from .term_kernel import (
     BEFORE,
@@ -190,9 +190,11 @@ RECORD_FIELDS = (
     ("term_count", np.int64),
     ("term_programs", np.int64),
     ("term_states", np.int64),
+    ("term_early", np.int64),  # programs that act before the parts do
     ("term_place", np.int64, (MAX_PROGRAMS,)),
     ("term_owner", np.int64, (MAX_PROGRAMS,)),
     ("term_length", np.int64, (MAX_PROGRAMS,)),
+    ("term_depth", np.int64, (MAX_PROGRAMS,)),
     ("term_code", np.int64, (MAX_PROGRAMS, MAX_OPERATIONS)),
     ("term_index", np.int64, (MAX_PROGRAMS, MAX_OPERATIONS)),
     ("term_constants", np.float64, (MAX_TERMS, MAX_CONSTANTS)),
@@ -226,7 +228,8 @@ def add_term(record: Any, term: Term, signals: Sequence[str] = ()) -> int:
     record["term_states"] = state + (term.state is not None)
     for row, (place, program) in enumerate(programs.by_place, first):
         record["term_place"][row], record["term_owner"][row] = place, slot
-        record["term_length"][row] = len(program)
+        record["term_early"] += place < BEFORE
+        record["term_length"][row], record["term_depth"][row] = len(program), deepest(program)
         codes, indices = zip(*program, strict=True)
         record["term_code"][row, : len(codes)] = codes
         record["term_index"][row, : len(indices)] = indices
