@@ -22,6 +22,7 @@ from ..estimate import Estimate
 from ..simulate.at_once import at_once
 from ..simulate.balances import Balances, Channels
 from ..simulate.tolerances import NEAR, Moved, tolerance_moves
+from .coordinates import JointSearch
 from .placed import Placed
 from .spectra import Bands, Complex, Likelihood
 from .trial_ship import TrialShip
@@ -42,8 +43,8 @@ MOST_STEPS, SETTLED = 6, 0.05
 LEAST_STEP, REACH = 1e-3, 0.5
 """Over which a derivative is taken, and what a step is given beforehand, in a search's coordinates."""
 
-EDGE_S = 30.0
-"""Unit of a window's edges in the search [s]."""
+LOUDER = 4.0
+"""Times the power in a balance without a model that no model may leave."""
 
 
 Transformed: TypeAlias = Callable[[Channels], Complex]
@@ -131,16 +132,20 @@ class Fitter:
         return found
 
     def sensitivities(
-        self, fit: Fit, transformed: Transformed | None = None
+        self,
+        fit: Fit,
+        transformed: Transformed | None = None,
+        steps: NDArray[np.float64] | None = None,
     ) -> tuple[Complex, NDArray[np.complex128]]:
         """What a model predicts, and its derivative by each value of its effects.
 
         Args:
             fit: the model.
             transformed: makes what is compared of simulated channels; the fitted part's by default.
+            steps: over which the derivatives are taken, shape (values,); a hundredth of each by default.
 
         Returns:
-            Shapes (balances, frequencies) and (values, balances, frequencies), by steps of a hundredth.
+            Shapes (balances, frequencies) and (values, balances, frequencies).
         """
         replay, record = self.balances.replay, self.trial_ship.record
 
@@ -153,7 +158,7 @@ class Fitter:
         columns = []
         for i, placed in enumerate(fit.effects):
             for j, value in enumerate(placed.values):
-                step = 1e-2 * abs(value) + 1e-9
+                step = 1e-2 * abs(value) + 1e-9 if steps is None else steps[len(columns)]
                 values = [*placed.values]
                 values[j] += step
                 trial = (*fit.effects[:i], placed.with_values(values), *fit.effects[i + 1 :])
@@ -239,12 +244,8 @@ class Fitter:
         return self.polished(found)
 
     def polished(self, fit: Fit) -> Fit:
-        """Refit all effects together by Gauss-Newton steps, from values that are near.
-
-        Each step is a generalised least squares problem under the covariance of what is left after it,
-        as :class:`shaftline.mismatch.numbers.output_error.OutputError` makes them.
-        """
-        search = _JointSearch(self.trial_ship, fit.effects)
+        """Refit all effects together by Gauss-Newton steps, from values that are near."""
+        search = JointSearch(self.trial_ship, fit.effects)
         point = search.start
         for _ in range(MOST_STEPS):
             here = self.predicted(self.trial_ship.record(fit.effects))
@@ -272,8 +273,21 @@ class Fitter:
                 break
         return fit
 
+    def louder(self, fit: Fit) -> bool:
+        """Whether a model leaves far more in a balance than there was without it.
+
+        Balances that err together, and much, have a covariance of small determinant: to a likelihood of
+        unknown covariance that is as good as little error. It is not what explains a recording.
+        """
+        left = [
+            f.difference - np.einsum("k,kmf->mf", f.tolerances, self.nuisance)
+            for f in (self.null, fit)
+        ]
+        before, after = (np.abs(residual) ** 2 @ self.bands.weights for residual in left)
+        return bool(np.any(after > LOUDER * before))
+
     def _searched(self, fit: Fit, which: list[int], evaluations: int, spread: float) -> Fit:
-        search = _JointSearch(self.trial_ship, fit.effects, which)
+        search = JointSearch(self.trial_ship, fit.effects, which)
         best = [fit]
 
         def loss(point: Any) -> float:
@@ -312,21 +326,12 @@ class Fitter:
         flat = [(i, j) for i, placed in enumerate(fit.effects) for j in range(len(placed.values))]
         if not flat:
             return []
-        here = self.predicted(self.trial_ship.record(fit.effects))
-        steps = np.array([1e-2 * abs(fit.effects[i].values[j]) + 1e-9 for i, j in flat])
-        errors = steps.copy()
+        sizes = np.array([abs(fit.effects[i].values[j]) for i, j in flat])
+        steps = errors = 1e-2 * sizes + 1e-9
         for _ in range(3):
-            columns = []
-            for (i, j), step in zip(flat, steps, strict=True):
-                values = list(fit.effects[i].values)
-                values[j] += step
-                trial = list(fit.effects)
-                trial[i] = trial[i].with_values(values)
-                columns.append((self.predicted(self.trial_ship.record(tuple(trial))) - here) / step)
-            information = self.likelihood.information(fit.weight, np.array(columns))
-            covariance = np.linalg.pinv(information)
+            columns = self.sensitivities(fit, steps=steps)[1]
+            covariance = np.linalg.pinv(self.likelihood.information(fit.weight, columns))
             errors = np.sqrt(np.maximum(np.diag(covariance)[: len(flat)], 1e-300))
-            sizes = np.array([abs(fit.effects[i].values[j]) for i, j in flat])
             steps = np.clip(errors, 1e-4 * sizes + 1e-12, 0.5 * sizes + 1e-9)
         host = self.trial_ship.host(fit.effects)
         found: list[list[Estimate]] = [[] for _ in fit.effects]
@@ -341,63 +346,3 @@ class Fitter:
                 )
             )  # fmt: skip
         return [tuple(estimates) for estimates in found]
-
-
-class _JointSearch:
-    """Coordinates of some effects of a model, the others held."""
-
-    def __init__(
-        self, trial_ship: TrialShip, effects: tuple[Placed, ...], which: list[int] | None = None
-    ) -> None:
-        self._effects = effects
-        self._which = list(range(len(effects))) if which is None else which
-        self._searches = [_Search(trial_ship, effects[i]) for i in self._which]
-        points = [search.point() for search in self._searches]
-        self._cuts = np.cumsum([len(point) for point in points])[:-1]
-        self.start = np.concatenate(points)
-
-    def placed(self, point: Any) -> tuple[Placed, ...]:
-        """All effects of the model, those that are searched at coordinates."""
-        trial = list(self._effects)
-        parts = np.split(np.atleast_1d(point), self._cuts)
-        for i, search, part in zip(self._which, self._searches, parts, strict=True):
-            trial[i] = search.placed(part)
-        return tuple(trial)
-
-
-class _Search:
-    """Coordinates in which an effect is searched: logarithms of its values' distances from neutral,
-    and its window's edges in units of :data:`EDGE_S`.
-    """
-
-    def __init__(self, trial_ship: TrialShip, placed: Placed) -> None:
-        self._placed = placed
-        self._neutral, self._sign, self._least, self._ranges = [], [], [], []
-        for parameter, value in placed.pairs:
-            self._ranges.append(trial_ship.range_of(parameter))
-            base = trial_ship.origin(parameter)
-            self._neutral.append(base)
-            self._sign.append(1.0 if value >= base else -1.0)
-            self._least.append(trial_ship.least(parameter))
-
-    def point(self) -> NDArray[np.float64]:
-        """Coordinates of the effect as it was placed."""
-        distance = [abs(v - n) for v, n in zip(self._placed.values, self._neutral, strict=True)]
-        edges = [t / EDGE_S for t in self._placed.window or ()]
-        return np.concatenate([np.log(np.maximum(distance, 1e-12)), edges])
-
-    def placed(self, point: Any) -> Placed:
-        """The effect at coordinates."""
-        point = np.atleast_1d(point)
-        count = len(self._neutral)
-        values = [
-            float(np.clip(n + s * max(math.exp(min(x, 60.0)), least), *ends))
-            for n, s, least, ends, x in zip(
-                self._neutral, self._sign, self._least, self._ranges, point[:count], strict=True
-            )
-        ]
-        window = self._placed.window
-        if window is not None:
-            start, end = sorted(float(x) * EDGE_S for x in point[count:])
-            window = (max(start, 0.0), max(end, 0.0))
-        return Placed(self._placed.effect, tuple(values), window)

@@ -144,7 +144,8 @@ class Selector:
             fit = self.fitter.refined(candidate.fit, len(candidate.fit.effects) - 1)
             if len(candidate.effect.parameters) > 1:
                 fit = self.fitter.polished(fit)
-            found.append(Candidate(candidate.effect, fit, fit.score - base.score))
+            if not self.fitter.louder(fit):
+                found.append(Candidate(candidate.effect, fit, fit.score - base.score))
         return sorted(found, key=self._merit, reverse=True)
 
     def search(self) -> Selection:

@@ -7,9 +7,14 @@ from typing import Any
 
 import pytest
 
-from shaftline.mismatch.judge.confirmation import confirmed
+from shaftline.mismatch.judge.confirmation import (
+    ELSEWHERE_SHARE,
+    REMNANT_SHARE,
+    confirmed,
+    with_rivals,
+)
 from shaftline.mismatch.search.placed import Placed
-from shaftline.mismatch.search.selection import Selection
+from shaftline.mismatch.search.selection import Candidate, Selection
 
 from ..toy import entry
 
@@ -95,3 +100,53 @@ def test_each_is_judged_beside_those_that_are_kept() -> None:
     # the strongest beside it counts, whichever it is
     late = chosen(LAG, DERATING, FOULING, gains=(20.0, 400.0, 300.0))
     assert ids(kept(late)) == ["engine-torque-lag", "engine-derating", "hull-fouling"]
+
+
+class Rivals:
+    """A fitter whose models are worth what their effects' ids say."""
+
+    def __init__(self, **worth: float) -> None:
+        self.worth = worth
+
+    def fitted(self, effects: Any) -> Any:
+        score = sum(self.worth[p.effect.id.replace("-", "_")] for p in effects)
+        return SimpleNamespace(effects=effects, score=score)
+
+    def polished(self, fit: Any) -> Any:
+        return fit
+
+
+def alike(gain: float, rival: float, explained: float = 1.0) -> list[str]:
+    """Names that are as good as a lag that is worth a gain, where a derating is worth another."""
+    fitter: Any = Rivals(engine_torque_lag=gain, engine_derating=rival, hull_fouling=50.0)
+    fit = fitter.fitted((Placed(FOULING, (1.0,)), Placed(LAG, (1.0,))))
+    near = Candidate(DERATING, fitter.fitted((Placed(DERATING, (1.0,)),)), rival)
+    same = Candidate(LAG, fitter.fitted((Placed(LAG, (2.0,)),)), gain)
+    selection = Selection(fit, (50.0, gain), (10.0, 10.0), ((), (same, near)), ())
+    found = with_rivals(selection, fitter, explained)
+    assert found.rivals[0] == ()
+    for candidate in found.rivals[1]:
+        assert candidate.gain == pytest.approx(rival)
+    return [candidate.effect.id for candidate in found.rivals[1]]
+
+
+@pytest.mark.parametrize(
+    ("gain", "behind", "explained", "told_apart"),
+    [
+        (300.0, 5.9, 1.0, False), (300.0, 6.1, 1.0, True),  # odds of twenty to one
+        (1000.0, 9.9, 1.0, False), (1000.0, 10.1, 1.0, True),  # a hundredth of the gain
+        (1000.0, 59.9, 0.95, False), (1000.0, 60.1, 0.95, True),  # and what the form leaves
+    ],
+)  # fmt: skip
+def test_a_rival_is_refuted_by_more_than_the_form_s_error(
+    gain: float, behind: float, explained: float, told_apart: bool
+) -> None:
+    assert alike(gain, gain - behind, explained) == ([] if told_apart else ["engine-derating"])
+
+
+def test_a_name_elsewhere_needs_a_smaller_share_than_one_beside() -> None:
+    """Torque lag and derating are the engine's; fouling is the hull's."""
+    for other, share in ((DERATING, REMNANT_SHARE), (FOULING, ELSEWHERE_SHARE)):
+        for part, expected in ((1.01, 2), (0.99, 1)):
+            selection = chosen(LAG, other, gains=(1000.0, 1000.0 * share * part))
+            assert len(ids(kept(selection))) == expected

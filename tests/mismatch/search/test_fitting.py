@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.search.fitting import EDGE_S, Fit, Fitter, _Search
+from shaftline.mismatch.search.coordinates import EDGE_S, Search
+from shaftline.mismatch.search.fitting import Fit, Fitter
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.trial_ship import TrialShip
 
@@ -208,15 +209,15 @@ def trial_ship() -> TrialShip:
 
 def test_sizes_are_searched_on_the_logarithm_of_their_distance(trial_ship: TrialShip) -> None:
     gain = Placed(entry("torque-sensor-gain (sensor)"), (0.9,))
-    search = _Search(trial_ship, gain)
+    search = Search(trial_ship, gain)
     assert search.point() == pytest.approx([math.log(0.1)])
     assert search.placed([math.log(0.2)]).values == pytest.approx((0.8,))
     assert search.placed(math.log(0.1)).effect is gain.effect
-    more = _Search(trial_ship, Placed(gain.effect, (1.2,)))
+    more = Search(trial_ship, Placed(gain.effect, (1.2,)))
     assert more.placed([math.log(0.3)]).values == pytest.approx((1.3,))
-    limit = _Search(trial_ship, Placed(entry("rack-rate-limit (engine)"), (2.0,)))
+    limit = Search(trial_ship, Placed(entry("rack-rate-limit (engine)"), (2.0,)))
     assert limit.point() == pytest.approx([math.log(2.0)])  # absent at infinity, counted from 0
-    assert _Search(trial_ship, Placed(gain.effect, (1.0,))).point() == pytest.approx(
+    assert Search(trial_ship, Placed(gain.effect, (1.0,))).point() == pytest.approx(
         [math.log(1e-12)]
     )
 
@@ -225,7 +226,7 @@ def test_a_size_stays_where_it_can_be_told_from_others(trial_ship: TrialShip) ->
     air = Placed(entry("ventilation (propeller)"), (0.4, 1.1))
     least = air.effect.parameters[0].least
     assert least > 0.0
-    search = _Search(trial_ship, air)
+    search = Search(trial_ship, air)
     assert search.placed([-40.0, 0.0]).values[0] == pytest.approx(least)
     assert search.placed([math.log(2.0 * least), 0.0]).values[0] == pytest.approx(2.0 * least)
     assert search.placed([99.0, 0.0]).values[0] == 0.95  # as much as can be lost
@@ -233,7 +234,7 @@ def test_a_size_stays_where_it_can_be_told_from_others(trial_ship: TrialShip) ->
 
 def test_windows_are_searched_by_their_edges(trial_ship: TrialShip) -> None:
     episode = Placed(entry("resistance-episode (hull)"), (0.5,), (60.0, 150.0))
-    search = _Search(trial_ship, episode)
+    search = Search(trial_ship, episode)
     assert search.point() == pytest.approx([math.log(0.5), 60.0 / EDGE_S, 150.0 / EDGE_S])
     assert EDGE_S == 30.0
     assert search.placed([0.0, 7.0, 3.0]).window == (90.0, 210.0)  # whichever came first
