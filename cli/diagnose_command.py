@@ -56,6 +56,13 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
+    effects: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="File MY.toml with physics of your own, tried beside the catalogue; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
     tolerance: Annotated[
         float,
         typer.Option(
@@ -127,6 +134,20 @@ def diagnose(
     their errors, and `--free` lets those move that you do not trust. What they take up is then not
     called physics: a free resistance takes up fouling.
 
+    What the catalogue does not know you can write yourself. A file MY.toml holds
+
+        [[term]]
+        id = "apparent-wind"
+        balance = "hull"
+        acts_on = "resistance"
+        expression = "k * wind_speed ** 2 * cos(wind_angle)"
+        parameters = { k = { unit = "N s2/m2", probes = [20.0, 200.0] } }
+
+    and `--effects MY.toml` has it tried like any other: fitted, named if it holds on the part set
+    aside, carried by the corrected ship. `wind_speed` and `wind_angle` are columns of the recording,
+    or named by the column map under `[signals]`. An expression is data and is never run as code. See
+    docs/own-physics.md.
+
     A FOLDER's recordings each get a folder in DIR, and `index.html` lists them, worst first. Bad ones
     are listed with their error and do not stop the rest. What is finished is not done again.
 
@@ -142,13 +163,18 @@ def diagnose(
         shaftline diagnose log.csv --free hull.resistance_coefficient_N_s2_m2 --ship mine.toml
             --out out/log
 
+        shaftline diagnose log.csv --columns map.toml --effects MY.toml --ship mine.toml --out out/wind
+
         shaftline diagnose trials/ --ship frigate --out out/trials --jobs 8
     """
     with clear_errors():
         check_folder(out)
         vessel = load_ship(ship)
         keys = tuple(key.strip() for key in free.split(",") if key.strip())
-        options = Options(columns, tuple(exclude or ()), tolerance, tuple(calibrate or ()), keys)
+        options = Options(
+            columns, tuple(exclude or ()), tolerance, tuple(calibrate or ()), keys,
+            tuple(effects or ()),
+        )  # fmt: skip
         options.check(vessel)
         folders = [path for path in recordings if path.is_dir()]
         if folders:

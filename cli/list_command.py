@@ -17,6 +17,7 @@ from ..observers import observer_names
 from ..plant import load_ship, ship_names
 from ..plant.ship_files import ship_keys
 from ..plant.signals import CONTROL_SIGNALS, SIGNALS
+from ..plant.terms import NO_BOUND, TermParameter
 from ..plant.waves import presets
 from ..studies.thesis.load_cases import CASES
 from .console import clear_errors, console, print_table
@@ -67,16 +68,29 @@ def effects() -> pd.DataFrame:
     for effect in catalogue():
         parameters = []
         for parameter in effect.parameters:
-            unit, allowed = keys[parameter.key]
-            parameters.append(f"{parameter.key} [{unit}], {allowed}")
+            name, (unit, allowed) = parameter.key, keys.get(parameter.key, ("", ""))
+            if parameter.term is not None:  # a number of the term, no key of every ship's file
+                own = parameter.term.parameters[parameter.name]
+                name, unit, allowed = parameter.name, own.unit, _range(own)
+            parameters.append(f"{name} [{unit}], {allowed}".removesuffix(", "))
         if effect.windowed:
             parameters.append("start and end [s]")
         rows.append(
-            (effect.id, effect.balance, "; ".join(parameters), effect.equation, effect.excitation,
-             ", ".join(effect.confused_with))
+            (effect.id, effect.form, effect.balance, "; ".join(parameters), effect.equation,
+             effect.excitation, ", ".join(effect.confused_with))
         )  # fmt: skip
-    heads = ["effect", "balance", "parameters", "equation", "shows with", "confused with"]
+    heads = ["effect", "form", "balance", "parameters", "equation", "shows with", "confused with"]
     return pd.DataFrame(rows, columns=heads)
+
+
+def _range(number: TermParameter) -> str:
+    """What a term's number may be; a bound that is only there to keep it finite is not told."""
+    told = []
+    if number.low > NO_BOUND[0]:
+        told.append(f">= {number.low:g}")
+    if number.high < NO_BOUND[1]:
+        told.append(f"<= {number.high:g}")
+    return " and ".join(told)
 
 
 def list_names(
@@ -89,7 +103,9 @@ def list_names(
 ) -> None:
     """List ships, seas, observers, controllers, tasks, effects, signals, and every key of a ship file.
 
-    Effects are what `shaftline diagnose` knows by name; their ids go to its `--exclude`.
+    Effects are what `shaftline diagnose` knows by name; their ids go to its `--exclude`. Forms are
+    several equations of one piece of physics. What is missing can be written in a file of your own:
+    `shaftline diagnose --effects MY.toml`.
     """
     with clear_errors():
         tables = {"Effects": effects()} if only_effects else registries()

@@ -34,11 +34,14 @@ _DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
 
 @dataclass(frozen=True)
 class _Cell:
-    """A recording on its way to a worker; its content and map travel along where no disk is shared."""
+    """A recording on its way to a worker; its content travels along where no disk is shared, as do the
+    column map and effects of one's own.
+    """
 
     path: Path
     content: bytes | None = None
     columns: str | None = None
+    effects: tuple[str, ...] | None = None
 
 
 def recordings_in(folder: Path) -> dict[str, Path]:
@@ -139,8 +142,8 @@ def _name(place: str, path: Path, start: Start, options: Options) -> str:
     """File name of a cell; differs where the recording, the ship, an option or the tool differs."""
     digest = hashlib.sha256(path.read_bytes())
     said = [repr(start), repr(sorted(options.exclude)), repr(options.tolerance)]
-    if options.columns is not None:
-        said.append(options.columns.read_text(encoding="utf-8"))
+    files = [*([options.columns] if options.columns else []), *options.effects]
+    said += [file.read_text(encoding="utf-8") for file in files]
     for text in (*said, source_digest("core", "plant", "mismatch")):
         digest.update(text.encode() + b"\0")
     plain = "".join(c if c.isalnum() or c in "-._" else "-" for c in place)
@@ -151,7 +154,8 @@ def _cell(path: Path, options: Options, travels: bool) -> _Cell:
     if not travels:
         return _Cell(path)
     columns = options.columns.read_text(encoding="utf-8") if options.columns else None
-    return _Cell(path, path.read_bytes(), columns)
+    effects = tuple(file.read_text(encoding="utf-8") for file in options.effects)
+    return _Cell(path, path.read_bytes(), columns, effects)
 
 
 def _work(start: Ship | Start, options: Options, cell: _Cell) -> dict[str, Any]:
@@ -164,6 +168,11 @@ def _work(start: Ship | Start, options: Options, cell: _Cell) -> dict[str, Any]:
         if cell.columns is not None:
             options = replace(options, columns=place / "map.toml")
             (place / "map.toml").write_text(cell.columns, encoding="utf-8")
+        if cell.effects is not None:
+            files = tuple(place / f"effects{i}.toml" for i in range(len(cell.effects)))
+            options = replace(options, effects=files)
+            for file, text in zip(files, cell.effects, strict=True):
+                file.write_text(text, encoding="utf-8")
         try:
             diagnosis = diagnose(start, path, options=options)
         except (ValueError, OSError) as error:  # written for the reader

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..plant.ship import Ship
+from ..plant.ship_errors import ShipError
 from .numbers.start import check_free
 from .recordings.joint import Recorded
-from .search.catalogue import OUTSIDE, Effect, applicable
+from .search.catalogue import OUTSIDE, Effect, applicable, catalogue
 from .search.entries import read_entries
 
 
@@ -41,9 +42,21 @@ class Options:
         """What the files of ``effects`` hold.
 
         Raises:
-            ValueError: one of them cannot be read or used; names file, entry and key.
+            ValueError: one of them cannot be read or used, or has the name of another; names file,
+                entry and key.
         """
-        return tuple(effect for path in self.effects for effect in read_entries(path))
+        found: list[Effect] = []
+        known = dict.fromkeys([effect.label for effect in catalogue()], "the catalogue")
+        for path in self.effects:
+            for effect in read_entries(path):
+                if effect.label in known:
+                    raise ValueError(
+                        f"{path}: {effect.label} stands in {known[effect.label]} already; give yours "
+                        "an id or a form of its own"
+                    )
+                known[effect.label] = str(path)
+                found.append(effect)
+        return tuple(found)
 
     @property
     def signals(self) -> dict[str, str]:
@@ -69,12 +82,26 @@ class Options:
                         f"{effect.label} hears {name}, which the recordings do not have; name the "
                         "column under [signals] in the column map"
                     )
-            if not effect.acts_on(ship):
-                raise ValueError(
-                    f"{effect.label} cannot act on {ship.name}: its balances are "
-                    f"{', '.join(ship.balances)}"
-                )
         return ship
+
+    def _refuse_idle(self, ship: Ship) -> None:
+        """Refuse an effect of one's own that the ship cannot have, whatever its recordings hold.
+
+        Raises:
+            ValueError: names it, and why.
+        """
+        for effect in self.own_effects:
+            heard = effect.term.hears if effect.term is not None else ()
+            host = ship.with_signals(dict.fromkeys(heard, "-") | ship.signals) if heard else ship
+            if effect.balance not in ship.balances:
+                why = f"its balances are {', '.join(ship.balances)}"
+            elif lacking := [what for what in effect.applies_to if not getattr(ship, what)]:
+                why = f"it applies to a ship that {lacking[0].replace('_', ' ')}"
+            elif not effect.acts_on(host):
+                why = _refused(effect, host)
+            else:
+                continue
+            raise ValueError(f"{effect.label} cannot act on {ship.name}: {why}")
 
     def check(self, ship: Ship) -> None:
         """Refuse what no recording could mend, before any is read.
@@ -83,14 +110,26 @@ class Options:
             ship: the nominal ship.
 
         Raises:
-            ValueError: an unknown id, a key that is no number of this ship or cannot move, or a
-                tolerance that is no factor.
+            ValueError: an unknown id, an effect of one's own that cannot be read or that the ship
+                cannot have, a key that is no number of this ship or cannot move, or a tolerance that
+                is no factor.
             FileNotFoundError: a recording of the healthy period that is not there.
         """
         applicable(ship, (), self.exclude, self.own_effects)
+        self._refuse_idle(ship)
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):
             raise ValueError(f"tolerance {self.tolerance:g}: a factor of at least 0 is needed")
         check_free(ship, self.free, bool(self.calibrate))
         for source in self.calibrate:
             if isinstance(source, str | Path) and not Path(source).is_file():
                 raise FileNotFoundError(f"{source}: no such recording to calibrate on")
+
+
+def _refused(effect: Effect, ship: Ship) -> str:
+    """Why a ship with an effect's balance cannot have it."""
+    try:
+        host = effect.on(ship)
+    except ShipError as error:
+        return str(error)
+    keys = [parameter.key for parameter in effect.parameters]
+    return f"it has no {next(key for key in keys if not host.has_key(key))}"

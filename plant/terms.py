@@ -82,6 +82,10 @@ class Programs(NamedTuple):
     literals: tuple[float, ...]  # numbers that stand in them, behind the term's parameters
 
 
+NO_BOUND = (-1e12, 1e12)
+"""Lowest and highest value of a parameter for which none is given."""
+
+
 class TermParameter(BaseModel):
     """A number of a term, with its unit and range."""
 
@@ -89,8 +93,8 @@ class TermParameter(BaseModel):
 
     value: float
     unit: str = "-"
-    low: float = Field(-1e12, ge=-1e12)
-    high: float = Field(1e12, le=1e12)
+    low: float = Field(NO_BOUND[0], ge=NO_BOUND[0])
+    high: float = Field(NO_BOUND[1], le=NO_BOUND[1])
 
     @model_validator(mode="before")
     @classmethod

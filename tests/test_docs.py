@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from shaftline.cli.main import app
 from shaftline.observers import readings_of
 from shaftline.plant import Schedule, equilibrium, load_ship, simulate
 
@@ -72,3 +77,40 @@ def test_commands_that_are_named_exist(page: Path) -> None:
         assert (ROOT / "cli" / file).is_file(), command
     for target in re.findall(r"(?:^|`)make ([a-z-]+)", text, re.MULTILINE):
         assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE), target
+
+
+def test_the_page_on_own_physics_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (ROOT / "docs" / "own-physics.md").read_text()
+    made: dict[str, Any] = {}
+    exec(next(block for page, i, block in BLOCKS if (page, i) == ("docs/own-physics.md", 0)), made)
+    entry, column_map, carried = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    made["log"].to_csv("log.csv", index=False)
+    Path("MY.toml").write_text(entry)
+    Path("map.toml").write_text(column_map)
+    commands = re.findall(r"^shaftline (.*)$", text, re.MULTILINE)
+    assert len(commands) == 2
+    for command in commands:
+        result = CliRunner().invoke(app, command.split())
+        assert result.exit_code == 0, result.output
+    report = json.loads(Path("out/wind/report.json").read_text())
+    said = re.search(r"\*\"explained: (.*), …\"\*", text)
+    assert said is not None
+    assert said[1] in report["sentence"]
+    assert [effect["id"] for effect in report["effects"]] == ["apparent-wind"]
+    corrected, refined = (
+        load_ship("out/wind/corrected_ship.toml"),
+        load_ship("out/k/identified_ship.toml"),
+    )
+    for ship in (corrected, refined):
+        assert ship.number("term.apparent-wind-hull.k").value == pytest.approx(300.0, rel=0.02)
+    shown = tomllib.loads(carried)
+    assert dict(corrected.signals) == shown["signals"]
+    (term,) = corrected.term
+    assert {"id": term.id, "acts_on": term.acts_on, "expression": term.expression} == {
+        key: shown["term"][0][key] for key in ("id", "acts_on", "expression")
+    }
+    wrong = entry.replace("probes", "probs")
+    Path("MY.toml").write_text(wrong)
+    result = CliRunner().invoke(app, commands[0].split())
+    assert "MY.toml: term apparent-wind: parameters.k.probs is not a known key" in result.output

@@ -117,7 +117,7 @@ def load_recording(
     raw, mapped = read_mapped(path, columns)
     heard = {n: u for n, u in {**signals, **ship.signals, **mapped}.items() if n in raw}
     turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
-    required = list(dict.fromkeys([*input_columns(ship), turning]))
+    required = list(dict.fromkeys([*input_columns(ship), turning, *ship.hears]))
     known = [*(c for c in COLUMNS if c in raw), *sorted(heard)]
     numbers = as_numbers(path, raw, required, heard)[known]
     table, warnings = on_even_time(path, numbers)

@@ -26,7 +26,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from ...plant.terms import Term
+from ...plant.terms import NO_BOUND, Term
 from .catalogue import Effect, Parameter
 
 BALANCES = ("engine", "motor", "propeller", "hull", "pitch-actuator", "sensor")
@@ -56,8 +56,8 @@ class _OfKey(_Trial):
 
 class _OfTerm(_Trial):
     unit: str = "-"
-    low: float = -1e12
-    high: float = 1e12
+    low: float = NO_BOUND[0]
+    high: float = NO_BOUND[1]
     neutral: float = 0.0
     set: float | str | None = None
 
@@ -172,10 +172,17 @@ def entries_of(text: str, source: str = "catalogue") -> tuple[Effect, ...]:
         raise ValueError(f"{source}: not valid TOML: {error}") from None
     try:
         given = _File.model_validate(tree)
-        found = [entry.effect() for entry in given.effect]
-        found += [entry.effect() for entry in given.term]
     except ValidationError as error:
         raise ValueError("\n".join(_said(source, tree, dict(e)) for e in error.errors())) from None
+    found = [entry.effect() for entry in given.effect]
+    for entry in given.term:
+        try:
+            found.append(entry.effect())
+        except ValidationError as error:  # of the term itself, which a ship would carry
+            whole = {"term": [entry.model_dump()]}
+            parts = [dict(e) | {"loc": ("term", 0, *e["loc"])} for e in error.errors()]
+            lines = [_said(source, whole, part) for part in parts]
+            raise ValueError("\n".join(lines)) from None
     labels = [effect.label for effect in found]
     if twice := [label for label in labels if labels.count(label) > 1]:
         raise ValueError(f'{source}: {twice[0]} stands twice; a second form has a form = "..."')

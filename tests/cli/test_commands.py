@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.cli.list_command import effects
 from shaftline.mismatch import catalogue
 from shaftline.plant import equilibrium, load_ship
 from shaftline.studies.thesis.load_cases import CASES
@@ -67,6 +68,16 @@ def test_list_of_effects_tells_what_a_diagnosis_knows(shaftline: Command) -> Non
     for effect in catalogue():
         assert effect.id in output
     assert "state-5" not in output
+
+
+def test_list_of_effects_tells_terms_by_form_and_number() -> None:
+    table = effects().set_index(["effect", "balance", "form"])
+    assert len(table) == len(catalogue())
+    band = table.loc[("pitch-dead-band", "pitch-actuator", "stops-inside")]
+    assert band["parameters"] == "b [-], >= 0 and <= 0.5; r [-], >= 0 and <= 1"
+    assert table.loc[("wind", "hull", ""), "parameters"] == "k [N s2/m2]"  # of any sign and size
+    lag = table.loc[("engine-torque-lag", "engine", ""), "parameters"]
+    assert lag == "prime_mover.lag_s [s], >= 0 and <= 30"
 
 
 def test_tour_writes_its_pictures(shaftline: Command, tmp_path: Path) -> None:
