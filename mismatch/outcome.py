@@ -14,6 +14,7 @@ from .judge.shapes import Shape
 from .judge.whiteness import Colour
 from .numbers.moved import MovedNumber
 from .numbers.wrong import WrongNumber
+from .search.formulas import Formula
 from .search.placed import Window
 from .search.selection import Candidate
 
@@ -55,6 +56,7 @@ class Outcome:
         warnings: what was noticed about the recording.
         numbers: of the ship that were calibrated or free, or that the recording moved far.
         wrong: of each finding: the number of the ship's file that would explain it as well, or None.
+        formula: of what has no name, where one holds on the data set aside; None where none does.
     """
 
     verdict: str
@@ -88,3 +90,4 @@ class Outcome:
     warnings: list[str] = field(default_factory=list)
     numbers: list[MovedNumber] = field(default_factory=list)
     wrong: list[WrongNumber | None] = field(default_factory=list)
+    formula: Formula | None = None

@@ -35,6 +35,7 @@ from .progress import Tick, silent
 from .recordings.joint import JointRecordings, Recorded, load_jointly
 from .search.catalogue import applicable
 from .search.fitting import Fitter
+from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
 from .setting import Settings
@@ -170,9 +171,12 @@ def _judged(
     shape: Shape | None = None
     windows: list[Window] = []
     where = ""
+    formula: Formula | None = None
+    plain = corrected
     if verdict.name == UNEXPLAINED:
         shapes = best_shapes(fitter, fitter.null)
         shape = shape_to_show(shapes, balances, verdict.colour or verdict.left_over)
+        formula = formula_of(whiteness, fitter.null, judge, rows)
     if shape is not None:
         windows, where = _located(shape, fitter)
     term = None if shape is None else term_of(shape, corrected)
@@ -183,6 +187,11 @@ def _judged(
             gain, 0.0
         ):  # a shape that does not hold on data set aside is shown, not used
             corrected, gain = shaped, brought
+    if formula is not None:
+        told = plain.with_term(formula.term)
+        brought = judge(told.record()) - nominal
+        if as_well(brought, gain):
+            corrected, gain = told, brought
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     fit_before = fits(measured, before, rows)
     constant = [
@@ -226,6 +235,7 @@ def _judged(
         warnings=together.warnings + constant + list(numbers.start.remarks),
         numbers=numbers.told(fit if explained else fitter.null, corrected),
         wrong=wrong_numbers(fitter, selection) if explained else [],
+        formula=formula,
     )  # fmt: skip
 
 

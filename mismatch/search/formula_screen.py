@@ -1,0 +1,288 @@
+"""Which blocks a residual asks for, told by straight lines: no block is simulated here.
+
+What a place does to the balances is felt once, with a constant there; a block's trace at that place is
+then that answer times the block along a simulation. Whitened by a model's own likelihood, and with the
+nominal numbers free in their tolerances, generalised least squares says what each block would gain, and
+each pair of them (orthogonal matching pursuit: Pati, Rezaiifar & Krishnaprasad 1993).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.signal import lfilter
+
+from ...plant.term_kernel import Heard
+from ...plant.terms import PLACES, TERM_SIGNALS, Term
+from ..simulate.balances import Balances
+from .blocks import Block, Values, blocks_of
+from .fitting import Fit, Fitter
+from .placed import Placed
+from .spectra import Complex
+
+PROBE = 1e-3
+"""Share of a quantity's size by which its place is felt."""
+
+LEFT = 1e-4
+"""Share of a block's power that the nominal numbers must leave, or it is one of them."""
+
+FIRST, SECOND = 12, 8
+"""Blocks at a place to which a second one is sought, and how many are handed on for each place."""
+
+ACTS = {
+    "engine": ("drive_torque", "drive"),
+    "motor": ("drive_torque", "drive"),
+    "propeller": ("load_torque", "inflow_velocity"),
+    "load": ("load_torque",),
+    "hull": ("resistance", "inflow_velocity"),
+    "thrust": ("thrust", "inflow_velocity"),
+    "pitch-actuator": ("pitch_rate",),
+}
+"""Where what a balance lacks may act; thrust is told from resistance only where it is measured."""
+
+SIZE_OF = {
+    "drive": "drive",
+    "inflow_velocity": "advance_velocity",
+    "thrust": "thrust",
+    "drive_torque": "propeller_torque",
+    "load_torque": "propeller_torque",
+    "resistance": "resistance",
+    "pitch_rate": "pitch_ratio",
+}
+"""Signal by whose size a place is felt."""
+
+HEARD = {
+    "engine": ("shaft_speed", "drive", "brake_torque"),
+    "motor": ("shaft_speed", "drive", "brake_torque"),
+    "propeller": ("shaft_speed", "pitch_ratio", "ship_speed", "advance_velocity", "submergence",
+                  "propeller_torque"),
+    "load": ("shaft_speed", "drive"),
+    "hull": ("ship_speed", "shaft_speed", "pitch_ratio", "thrust", "resistance", "submergence"),
+    "thrust": ("shaft_speed", "pitch_ratio", "ship_speed", "advance_velocity", "submergence", "thrust"),
+    "pitch-actuator": ("pitch_ratio", "pitch_command", "shaft_speed", "propeller_torque", "pitch_rate"),
+}  # fmt: skip
+"""Signals of a balance; every one from outside is heard in all of them."""
+
+EARLY = tuple(Heard._fields)
+"""Signals that are known where drive and inflow are formed."""
+
+
+@dataclass(frozen=True)
+class Screened:
+    """Blocks at a place as a straight line has them.
+
+    Args:
+        place: where they act.
+        blocks: one or two.
+        coefficients: of each.
+        gain: in 2 log L.
+    """
+
+    place: str
+    blocks: tuple[Block, ...]
+    coefficients: tuple[float, ...]
+    gain: float
+
+
+def places_of(balances: Balances, names: Iterable[str]) -> list[str]:
+    """Where terms may act that some balances would show.
+
+    Args:
+        balances: of ship and recordings.
+        names: of balances.
+    """
+    ship = balances.replay.ship
+    found = [place for name in names for place in ACTS.get(name, ())]
+    if not balances.gauged and ship.has_propeller and balances.prime_mover in names:
+        found.append("inflow_velocity")
+    if not ship.has_propeller or ship.has_constant_coefficients:
+        found = [place for place in found if place != "inflow_velocity"]
+    return [place for place in PLACES if place in found]
+
+
+def home_of(place: str, balances: Balances) -> str:
+    """The balance in which a term at a place is told; it is one of those that are measured."""
+    if place in ("drive", "drive_torque"):
+        return balances.prime_mover
+    if place == "load_torque":
+        return next(n for n in ("propeller", "load", balances.prime_mover) if n in balances.names)
+    if place == "resistance":
+        return "hull"
+    if place == "pitch_rate":
+        return "pitch-actuator"
+    order = ("thrust", "hull", "propeller", balances.prime_mover)
+    if place == "inflow_velocity":
+        order = ("propeller", "thrust", "hull", balances.prime_mover)
+    return next(n for n in order if n in balances.names)
+
+
+class Screen:
+    """Straight lines about one model.
+
+    Args:
+        fitter: of the recording.
+        base: effects that hold already.
+    """
+
+    def __init__(self, fitter: Fitter, base: Fit) -> None:
+        self.fitter, self.base = fitter, base
+        self._blocks: dict[str, list[Block]] = {}
+        self._answers: dict[str, NDArray[np.float64] | None] = {}
+        self._nominal = self._samples(base.effects)
+        self._values = self._of(self._nominal)
+
+    def values(self, effects: tuple[Placed, ...]) -> Values:
+        """Every signal that an expression may use, along a simulation, by name."""
+        return self._of(self._samples(effects))
+
+    def _samples(self, effects: tuple[Placed, ...]) -> Any:
+        return self.fitter.balances.replay.simulate(self.fitter.trial_ship.record(effects))
+
+    def _of(self, samples: Any) -> Values:
+        replay = self.fitter.balances.replay
+        names = samples.dtype.names
+        found = {n: np.ascontiguousarray(samples[n]) for n in TERM_SIGNALS if n in names}
+        found["pitch_command"] = replay.command
+        found["pitch_rate"] = np.gradient(found["pitch_ratio"], replay.interval_s)
+        return found | replay.outside
+
+    def heard(self, place: str) -> tuple[str, ...]:
+        """Signals that a formula at a place may use."""
+        balances = self.fitter.balances
+        home = home_of(place, balances)
+        names = list(HEARD[home])
+        if (
+            not balances.gauged
+            and home == balances.prime_mover
+            and balances.replay.ship.has_propeller
+        ):
+            names += HEARD["propeller"]
+        if place in ("inflow_velocity", "drive"):
+            names = [name for name in names if name in EARLY]
+        return tuple(dict.fromkeys([*names, *balances.replay.outside]))
+
+    def blocks(self, place: str) -> list[Block]:
+        """The grammar's blocks at a place, of the signals that move."""
+        if place not in self._blocks:
+            names = self.heard(place)
+            self._blocks[place] = blocks_of({name: self._values[name] for name in names})
+        return self._blocks[place]
+
+    def answer(self, place: str) -> NDArray[np.float64] | None:
+        """What one unit at a place does to each balance, shape (balances, rows); None if not told."""
+        if place not in self._answers:
+            self._answers[place] = self._felt(place, self._nominal)
+        return self._answers[place]
+
+    def _felt(self, place: str, nominal: Any) -> NDArray[np.float64] | None:
+        balances, ship = self.fitter.balances, self.fitter.trial_ship.ship
+        if place == "pitch_rate" and "pitch-actuator" not in balances.names:
+            return None
+        size = float(np.sqrt(np.mean(np.square(nominal[SIZE_OF[place]]))))
+        if size == 0.0 and place == "drive_torque":
+            size = float(np.sqrt(np.mean(np.square(nominal["brake_torque"]))))
+        probe = PROBE * size or PROBE
+        names = {term.id for term in ship.term}
+        own = next(n for n in (f"probe-{i}" for i in range(99)) if n not in names)
+        host = self.fitter.trial_ship.host(self.base.effects)
+        term = Term.model_validate({"id": own, "acts_on": place, "expression": f"{probe!r}"})
+        replay = balances.replay
+        record = host.with_term(term).with_values(_values(self.fitter, self.base)).record()
+        there = balances.residuals(replay.simulated(replay.simulate(record)))
+        found = (there - balances.residuals(replay.simulated(nominal))) / probe
+        if place == "pitch_rate":
+            found[:] = 0.0
+            found[balances.names.index("pitch-actuator")] = ship.pitch_actuator.time_constant_s
+        return found if np.isfinite(found).all() else None
+
+    def columns(self, place: str, blocks: Sequence[Block], values: Values) -> Complex:
+        """What blocks at a place do to the balances, transformed; shape (blocks, balances, f)."""
+        balances, bands = self.fitter.balances, self.fitter.bands
+        traces = np.array([block.trace(values) for block in blocks])
+        if place == "pitch_rate":
+            constant = self.fitter.trial_ship.ship.pitch_actuator.time_constant_s
+            kept = float(np.exp(-balances.replay.interval_s / constant))
+            traces = lfilter([1.0 - kept], [1.0, -kept], traces, axis=1)
+        answer: Any = self.answer(place)
+        found = np.zeros((len(blocks), len(balances.names), len(bands.order)), np.complex128)
+        for row in np.flatnonzero(np.abs(answer).max(axis=1) > 0.0):
+            found[:, row] = bands.transform(traces * answer[row])
+        return found
+
+    def singles_and_pairs(
+        self, place: str, residual: Complex, weight: Complex, values: Values
+    ) -> tuple[list[Screened], list[Screened]]:
+        """The best blocks at a place and the best pairs of them, by what they would gain.
+
+        Args:
+            place: where they act.
+            residual: that they are to explain, shape (balances, frequencies).
+            weight: inverse covariance by band.
+            values: of the signals along the simulation about which lines are drawn.
+        """
+        blocks = self.blocks(place)
+        if not blocks:
+            return [], []
+        white = self._whitener(weight)
+        nuisance = white(self.fitter.nuisance)
+        root = cholesky(nuisance @ nuisance.T + np.eye(len(nuisance)), lower=True)
+        explained = solve_triangular(root, nuisance, lower=True)
+        columns = white(self.columns(place, blocks, values))
+        rest = white(residual[None])[0]
+        taken = columns @ explained.T
+        gram = columns @ columns.T - taken @ taken.T
+        along = columns @ rest - taken @ (explained @ rest)
+        own = np.diag(gram).copy()
+        told = own > LEFT * np.einsum("kd,kd->k", columns, columns)
+        own[~told] = np.inf
+        gains = along**2 / own
+        order = np.argsort(-gains)
+        singles = [
+            Screened(place, (blocks[i],), (float(along[i] / own[i]),), float(gains[i]))
+            for i in order[: 2 * SECOND] if told[i]
+        ]  # fmt: skip
+        pairs: dict[frozenset[int], Screened] = {}
+        for i in order[:FIRST]:
+            if not told[i]:
+                continue
+            cross = gram[i]
+            left = own - cross**2 / own[i]
+            left[~told] = np.inf
+            left[left < LEFT * own] = np.inf
+            more = (along - cross * along[i] / own[i]) ** 2 / left
+            for j in np.argsort(-more)[:SECOND]:
+                if i == j or not np.isfinite(left[j]):
+                    continue
+                both = np.array([i, j])
+                sizes = np.linalg.solve(gram[np.ix_(both, both)], along[both])
+                pairs[frozenset((int(i), int(j)))] = Screened(
+                    place, (blocks[i], blocks[j]), tuple(map(float, sizes)),
+                    float(gains[i] + more[j]),
+                )  # fmt: skip
+        return singles, sorted(pairs.values(), key=lambda one: -one.gain)
+
+    def _whitener(self, weight: Complex) -> Any:
+        """Turns transformed residuals (..., balances, f) into rows whose squares add up to 2 log L."""
+        bands = self.fitter.bands
+        counts = np.diff(bands.edges)
+        roots = np.repeat(np.linalg.cholesky(weight), counts, axis=0)
+        sizes = np.sqrt(2.0 * bands.weights)
+
+        def white(found: Complex) -> NDArray[np.float64]:
+            turned = np.einsum("fqp,kqf->kpf", np.conj(roots), found, optimize=True) * sizes
+            flat = turned.reshape(len(found), -1)
+            return np.concatenate([flat.real, flat.imag], axis=1)
+
+        return white
+
+
+def _values(fitter: Fitter, base: Fit) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for placed in base.effects:
+        found |= fitter.trial_ship.settings(placed)
+    return found
