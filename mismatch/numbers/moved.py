@@ -80,7 +80,9 @@ class Numbers:
     def values(self, fit: Fit) -> dict[str, float]:
         """Each number as a fit has it, by key, inside the range of the ship's file."""
         found = {}
-        for key, change in zip(self.keys, self._changes @ fit.tolerances, strict=True):
+        for key, change in zip(
+            self.keys, self._changes @ fit.tolerances, strict=True
+        ):
             number = self.fitter.trial_ship.ship.number(key)
             found[key] = float(np.clip(number.value + change, number.info.low, number.info.high))
         return found

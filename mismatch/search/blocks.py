@@ -1,7 +1,7 @@
 """The grammar of formulas: blocks, which are products of simple functions of signals.
 
-A formula is one or two blocks, each with a coefficient of its own: ``(a + b * abs(beta)) * beta`` is made
-of the blocks ``beta`` and ``abs(beta) * beta``.
+A formula is one or two blocks, each with a coefficient of its own: ``(a + b * abs(beta)) * beta`` is
+made of the blocks ``beta`` and ``abs(beta) * beta``.
 """
 
 from __future__ import annotations

@@ -1,56 +1,28 @@
 """Where no name fits: a formula, the shortest of a grammar that holds.
 
-Blocks (:mod:`.blocks`) at each place where a balance may lack something are screened by straight
-lines (:mod:`.formula_screen`); the best, and pairs of them, are tried as a term *in the simulator* under
-the same whitened likelihood, their coefficients fitted by Gauss-Newton steps. Lines are then drawn anew
-about the best formula, under the covariance of what it leaves, until no better one turns up.
-
-A formula pays for its coefficients and for the size of the search, p ln N + 2 ln K; and each block must
-bring a gain on the data set aside, where no channel may be simulated worse.
+What :mod:`.formula_search` has tried is judged here. A formula pays for its coefficients and for the
+size of the search, p ln N + 2 ln K; and each block must bring a gain on the data set aside, where no
+channel may be simulated worse.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.terms import PLACES, TERM_SIGNALS, Term
+from ...plant.terms import Term
 from ..estimate import Estimate
 from ..judge.whiteness import Whiteness
 from .blocks import Block, joined
-from .catalogue import Effect, Parameter
-from .fitting import Fit, Fitter
-from .formula_screen import Screen, Screened, home_of, places_of
-from .placed import Placed
+from .fitting import Fit
+from .formula_screen import home_of
+from .formula_search import FormulaSearch, Trial
 from .selection import TELL_APART
-from .spectra import Likelihood
-from .units import quotient
-
-INDIRECT = ("drive", "inflow_velocity")
-"""Places that say less plainly what a balance lacks, where another does as well."""
-
-ROUNDS = 4
-"""Times that lines are drawn anew."""
-
-SINGLES, PAIRS = 8, 6
-"""Formulas of one block and of two that a round tries in the simulator."""
-
-STEPS, SETTLED = 3, 0.5
-"""Gauss-Newton steps of a formula's coefficients at most, and the gain in 2 log L that ends them."""
-
-STEP = 0.02
-"""Share of a coefficient over which its column is taken."""
-
-REACH = 10.0
-"""Prior standard deviation of a step, as a share of a coefficient: next to free."""
-
-SMALL_SAMPLE = 1.5
-"""Factor on what chance reaches, for bands of few frequencies; as of the shapes."""
 
 AS_WELL = 0.95
 """Share of a shape's gain on the data set aside from which on a formula takes its place."""
@@ -92,195 +64,6 @@ class Formula:
     def words(self) -> str:
         """The expression as an engineer reads it."""
         return joined(self.blocks, [e.name for e in self.estimates], words=True)
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A formula in the simulator, fitted.
-
-    Args:
-        place: where it acts.
-        blocks: one or two.
-        fit: with the formula as its last effect.
-        gain: in 2 log L on top of the model.
-    """
-
-    place: str
-    blocks: tuple[Block, ...]
-    fit: Fit
-    gain: float
-
-    @property
-    def placed(self) -> Placed:
-        """The formula with its coefficients."""
-        return self.fit.effects[-1]
-
-    @property
-    def length(self) -> int:
-        """What it costs to say it."""
-        return sum(1 + block.length for block in self.blocks) + (self.place in INDIRECT)
-
-
-class FormulaSearch:
-    """The search on one fitter.
-
-    Args:
-        fitter: of the recordings.
-        base: effects that hold already, fitted.
-        names: of the balances that lack something.
-    """
-
-    def __init__(self, fitter: Fitter, base: Fit, names: Sequence[str]) -> None:
-        self.fitter, self.base = fitter, base
-        self.screen = Screen(fitter, base)
-        balances = fitter.balances
-        self.places = [
-            place for place in places_of(balances, names) if self.screen.answer(place) is not None
-        ]
-        self.count = sum(len(self.screen.blocks(place)) for place in self.places)
-        self.samples = sum(
-            b - a for a, b in zip(fitter.bands.starts, fitter.bands.ends, strict=True)
-        )
-        ship = fitter.trial_ship.host(base.effects)
-        outside = {**ship.signals}
-        told = {
-            n: text.split("[")[-1].rstrip("]") for n, text in TERM_SIGNALS.items() if "[" in text
-        }
-        self.units = told | {"drive": ship.prime_mover.demand.unit} | outside
-        taken = {term.id for term in ship.term}
-        self._id = next(n for n in _ids() if n not in taken)
-        self._names = [n for n in ("a", "b", "c", "d", "e", "f", "g", "h", "k") if n not in outside]
-
-    def threshold(self, blocks: int) -> float:
-        """Gain that chance does not reach: p ln N + 2 ln K, of K formulas of so many blocks."""
-        tried = math.comb(max(self.count, blocks), blocks)
-        return SMALL_SAMPLE * (blocks * math.log(self.samples) + 2.0 * math.log(max(tried, 2)))
-
-    def term(self, place: str, blocks: Sequence[Block]) -> Term:
-        """A formula as a term, at coefficients that change nothing."""
-        names = self._names[: len(blocks)]
-        own = PLACES[place].split("[")[-1].rstrip("]")
-        if place == "drive":
-            own = self.units["drive"]
-        return Term.model_validate(
-            {
-                "id": self._id,
-                "acts_on": place,
-                "expression": joined(blocks, names),
-                "parameters": {
-                    name: {"value": 0.0, "unit": quotient(own, block.unit(self.units))}
-                    for name, block in zip(names, blocks, strict=True)
-                },
-            }
-        )
-
-    def refined(
-        self, place: str, blocks: tuple[Block, ...], start: Sequence[float]
-    ) -> Trial | None:
-        """A formula in the simulator, its coefficients fitted; None where it runs away.
-
-        Args:
-            place: where it acts.
-            blocks: one or two.
-            start: coefficients to begin with.
-        """
-        term = self.term(place, blocks)
-        parameters = tuple(
-            Parameter(f"term.{term.id}.{name}", (), term=term) for name in term.parameters
-        )
-        effect = Effect(
-            term.id, home_of(place, self.fitter.balances), parameters, term.expression, "", "", "",
-            term=term,
-        )  # fmt: skip
-        sizes = np.asarray(start, dtype=np.float64)
-        for _ in range(4):
-            fit = self._at(effect, sizes)
-            if math.isfinite(fit.score):
-                break
-            sizes = 0.3 * sizes
-        else:
-            return None
-        for _ in range(STEPS):
-            better = self._stepped(effect, sizes, fit)
-            if better is None:
-                break
-            gain = better[1].score - fit.score
-            sizes, fit = better
-            if gain < SETTLED:
-                break
-        return Trial(place, blocks, fit, fit.score - self.base.score)
-
-    def _at(self, effect: Effect, sizes: Any) -> Fit:
-        return self.fitter.fitted((*self.base.effects, Placed(effect, tuple(map(float, sizes)))))
-
-    def _stepped(self, effect: Effect, sizes: Any, fit: Fit) -> tuple[Any, Fit] | None:
-        """One Gauss-Newton step, shortened until it helps; None where none does."""
-        fitter, record = self.fitter, self.fitter.trial_ship.record
-        here = fitter.predicted(record(fit.effects))
-        columns = []
-        for i, size in enumerate(sizes):
-            moved = sizes.copy()
-            moved[i] += STEP * (size or 1.0)
-            placed = Placed(effect, tuple(map(float, moved)))
-            there = fitter.predicted(record((*self.base.effects, placed)))
-            columns.append((there - here) / (STEP * (size or 1.0)))
-        if not np.isfinite(columns).all():
-            return None
-        reach = REACH * np.where(sizes == 0.0, 1.0, np.abs(sizes))
-        regressors = np.concatenate([np.array(columns) * reach[:, None, None], fitter.nuisance])
-        start = np.concatenate([np.zeros(len(sizes)), fit.tolerances])
-        found = Likelihood(fitter.bands, regressors)(fit.difference, start)
-        step = found.shares[: len(sizes)] * reach
-        for share in (1.0, 0.3, 0.09):
-            trial = sizes + share * step
-            better = self._at(effect, trial)
-            if better.score > fit.score:
-                return trial, better
-        return None
-
-    def trials(self) -> list[Trial]:
-        """Formulas that were tried in the simulator, by what they gain beyond chance, best first."""
-        tried: dict[tuple[str, frozenset[Block]], Trial] = {}
-        about: Trial | None = None
-        for _ in range(ROUNDS):
-            for one in self._screened(about):
-                key = (one.place, frozenset(one.blocks))
-                if key not in tried:
-                    found = self.refined(one.place, one.blocks, one.coefficients)
-                    if found is not None:
-                        tried[key] = found
-            if not tried:
-                break
-            best = max(tried.values(), key=self._merit)
-            if best is about:
-                break
-            about = best
-        return sorted(tried.values(), key=self._merit, reverse=True)
-
-    def _merit(self, trial: Trial) -> float:
-        return trial.gain - self.threshold(len(trial.blocks))
-
-    def _screened(self, about: Trial | None) -> Iterator[Screened]:
-        """What straight lines about a formula recommend, pairs only once there is one."""
-        screen = self.screen
-        fit = self.base if about is None else about.fit
-        values = screen.values(fit.effects)
-        residual = fit.difference
-        if about is not None:
-            own = screen.columns(about.place, about.blocks, values)
-            residual = residual + np.einsum("k,kmf->mf", np.array(about.placed.values), own)
-        singles, pairs = [], []
-        for place in self.places:
-            ones, twos = screen.singles_and_pairs(place, residual, fit.weight, values)
-            singles += ones
-            pairs += twos
-        yield from sorted(singles, key=lambda one: -one.gain)[:SINGLES]
-        if about is not None:
-            yield from sorted(pairs, key=lambda one: -one.gain)[:PAIRS]
-
-    def single(self, trial: Trial, block: Block, coefficient: float) -> Trial | None:
-        """One block of a formula alone, fitted anew."""
-        return self.refined(trial.place, (block,), (coefficient,))
 
 
 def formula_of(
@@ -328,7 +111,7 @@ def found_formula(search: FormulaSearch, aside: SetAside) -> Formula | None:
         search: on the part that is fitted.
         aside: the data set aside.
     """
-    trials = [t for t in search.trials() if search._merit(t) > 0.0]
+    trials = [t for t in search.trials() if search.merit(t) > 0.0]
     judged: dict[int, float] = {}
 
     def held(trial: Trial) -> float:
@@ -406,9 +189,3 @@ def _told(search: FormulaSearch, trial: Trial, held: float, rivals: list[Trial])
         trial.gain, search.threshold(len(trial.blocks)), held,
         tuple(f"{t.place}: {t.placed.effect.equation}" for t in rivals),
     )  # fmt: skip
-
-
-def _ids() -> Iterator[str]:
-    yield "formula"
-    for number in range(2, 99):
-        yield f"formula-{number}"
