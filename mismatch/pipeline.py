@@ -35,7 +35,7 @@ from .progress import Tick, silent
 from .recordings.joint import JointRecordings, Recorded, load_jointly
 from .search.catalogue import applicable
 from .search.fitting import Fitter
-from .search.formulas import Formula, as_well, formula_of
+from .search.formulas import Formula, as_well, formula_of, no_worse
 from .search.placed import Window
 from .search.selection import Selection, Selector
 from .setting import Settings
@@ -190,7 +190,7 @@ def _judged(
     if formula is not None:
         told = plain.with_term(formula.term)
         brought = judge(told.record()) - nominal
-        if as_well(brought, gain):
+        if as_well(brought, gain) and no_worse(replay, plain.record(), told.record(), rows):
             corrected, gain = told, brought
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     fit_before = fits(measured, before, rows)

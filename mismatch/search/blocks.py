@@ -104,7 +104,7 @@ class Block:
     @property
     def length(self) -> int:
         """What it costs to say it: factors, numbers in them, and signals beyond the first."""
-        own = [1 + (f.kind in ("sign", "over")) + (f.signal in DERIVED) for f in self.factors]
+        own = [1 + (f.kind in ("sign", "over")) + 2 * (f.signal in DERIVED) for f in self.factors]
         return sum(own) + max(len(self.signals) - 1, 0)
 
     def trace(self, values: Values) -> NDArray[np.float64]:
@@ -204,7 +204,7 @@ def _all(values: Values) -> Iterator[Block]:
         if x.min() < 0.0 < x.max():
             yield Block.of(size)
             yield Block.of(itself, size)
-            yield Block.of(Factor(name, "sign", _round(SIGN_SHARE * float(np.abs(x).max()))))
+            yield Block.of(_sign(name, x))
         for place in np.quantile(x, KNEES):
             if x.min() < _round(place) < x.max():
                 yield Block.of(Factor(name, "over", _round(place)))
@@ -214,8 +214,15 @@ def _all(values: Values) -> Iterator[Block]:
                 continue
             yield Block.of(Factor(name), Factor(other))
             yield Block.of(Factor(name), Factor(name), Factor(other))
+            yield Block.of(Factor(name), Factor(name), Factor(other), Factor(other))
             if x.min() < 0.0 < x.max():
                 yield Block.of(Factor(name, "size"), Factor(other))
+                yield Block.of(_sign(name, x), Factor(other))
+                yield Block.of(Factor(name), Factor(name, "size"), Factor(other), Factor(other))
+
+
+def _sign(name: str, x: NDArray[np.float64]) -> Factor:
+    return Factor(name, "sign", _round(SIGN_SHARE * float(np.abs(x).max())))
 
 
 def _round(value: float) -> float:

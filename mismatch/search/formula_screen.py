@@ -9,7 +9,7 @@ each pair of them (orthogonal matching pursuit: Pati, Rezaiifar & Krishnaprasad 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from ..simulate.balances import Balances
 from .blocks import Block, Values, blocks_of
 from .fitting import Fit, Fitter
 from .placed import Placed
-from .spectra import Complex
+from .spectra import Complex, Likelihood
 
 PROBE = 1e-3
 """Share of a quantity's size by which its place is felt."""
@@ -32,7 +32,13 @@ LEFT = 1e-4
 """Share of a block's power that the nominal numbers must leave, or it is one of them."""
 
 FIRST, SECOND = 12, 8
-"""Blocks at a place to which a second one is sought, and how many are handed on for each place."""
+"""Blocks at a place to which a second one is sought, and how many seconds to each."""
+
+ONES, PROFILED = 24, 48
+"""Blocks that a place hands on, and formulas of all places whose likelihood is found exactly."""
+
+REACH = 10.0
+"""Prior standard deviation of a coefficient, as a share of the screen's: next to free."""
 
 ACTS = {
     "engine": ("drive_torque", "drive"),
@@ -244,7 +250,7 @@ class Screen:
         order = np.argsort(-gains)
         singles = [
             Screened(place, (blocks[i],), (float(along[i] / own[i]),), float(gains[i]))
-            for i in order[: 2 * SECOND] if told[i]
+            for i in order[:ONES] if told[i]
         ]  # fmt: skip
         pairs: dict[frozenset[int], Screened] = {}
         for i in order[:FIRST]:
@@ -265,6 +271,36 @@ class Screen:
                     float(gains[i] + more[j]),
                 )  # fmt: skip
         return singles, sorted(pairs.values(), key=lambda one: -one.gain)
+
+    def likeliest(
+        self,
+        screened: list[Screened],
+        residual: Complex,
+        shares: NDArray[np.float64],
+        values: Values,
+    ) -> list[Screened]:
+        """The best of a screen by what they gain with the covariance free, best first.
+
+        Under one covariance for all, which what is missing may have made large, a form that is nearly
+        right looks as good as the right one.
+
+        Args:
+            screened: of any places.
+            residual: that they are to explain, shape (balances, frequencies).
+            shares: of the nominal numbers' tolerances, to begin with.
+            values: of the signals along the simulation about which lines are drawn.
+        """
+        found = []
+        for one in sorted(screened, key=lambda s: -s.gain)[:PROFILED]:
+            sizes = REACH * np.abs(one.coefficients)
+            columns = self.columns(one.place, one.blocks, values) * sizes[:, None, None]
+            judge = Likelihood(self.fitter.bands, np.concatenate([columns, self.fitter.nuisance]))
+            marginal = judge(residual, np.concatenate([np.full(len(sizes), 1.0 / REACH), shares]))
+            coefficients = marginal.shares[: len(sizes)] * sizes
+            found.append(
+                replace(one, coefficients=tuple(map(float, coefficients)), gain=marginal.score)
+            )
+        return sorted(found, key=lambda s: -s.gain)
 
     def _whitener(self, weight: Complex) -> Any:
         """Turns transformed residuals (..., balances, f) into rows whose squares add up to 2 log L."""

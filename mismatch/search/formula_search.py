@@ -8,12 +8,14 @@ about the best formula, under the covariance of what it leaves, until no better 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...plant.terms import PLACES, TERM_SIGNALS, Term
 from .blocks import Block, joined
@@ -42,6 +44,10 @@ STEP = 0.02
 REACH = 10.0
 """Prior standard deviation of a step, as a share of a coefficient: next to free."""
 
+WIDE = 4.0
+"""Factor on the tolerances of the ship's numbers under which a formula must hold too: what a number that
+is wrong explains as well is none."""
+
 SMALL_SAMPLE = 1.5
 """Factor on what chance reaches, for bands of few frequencies; as of the shapes."""
 
@@ -55,12 +61,14 @@ class Trial:
         blocks: one or two.
         fit: with the formula as its last effect.
         gain: in 2 log L on top of the model.
+        sure: likewise where the ship's numbers may be :data:`WIDE` times as far off.
     """
 
     place: str
     blocks: tuple[Block, ...]
     fit: Fit
     gain: float
+    sure: float
 
     @property
     def placed(self) -> Placed:
@@ -93,6 +101,8 @@ class FormulaSearch:
         self.samples = sum(
             b - a for a, b in zip(fitter.bands.starts, fitter.bands.ends, strict=True)
         )
+        self._wide = Likelihood(fitter.bands, WIDE * fitter.nuisance)
+        self._base_wide = self._wide(base.difference, base.tolerances / WIDE).score
         ship = fitter.trial_ship.host(base.effects)
         outside = {**ship.signals}
         told = {
@@ -172,7 +182,8 @@ class FormulaSearch:
             sizes, fit = better
             if gain < SETTLED:
                 break
-        return Trial(place, blocks, fit, fit.score - self.base.score)
+        sure = self._wide(fit.difference, fit.tolerances / WIDE).score - self._base_wide
+        return Trial(place, blocks, fit, fit.score - self.base.score, sure)
 
     def _at(self, effect: Effect, sizes: Any) -> Fit:
         return self.fitter.fitted((*self.base.effects, Placed(effect, tuple(map(float, sizes)))))
@@ -202,6 +213,32 @@ class FormulaSearch:
                 return trial, better
         return None
 
+    def errors(self, fit: Fit, rows: NDArray[np.int64]) -> dict[str, float]:
+        """Free-running error of each channel, rms, the nominal numbers where a fit has them.
+
+        Args:
+            fit: a model.
+            rows: that are judged.
+        """
+        replay = self.fitter.balances.replay
+        found = replay.channels_of(self.fitter.trial_ship.record(fit.effects))
+        off = {c: (replay.measured[c] - x)[rows] for c, x in found.items()}
+        for share, moved in zip(fit.tolerances, self._moved, strict=False):
+            for column, change in moved.items():
+                off[column] = off[column] - share * change[rows]
+        return {c: float(np.sqrt(np.mean(np.square(x)))) for c, x in off.items()}
+
+    @functools.cached_property
+    def _moved(self) -> list[dict[str, NDArray[np.float64]]]:
+        """What each nominal number does to the channels, by one standard deviation."""
+        fitter, replay = self.fitter, self.fitter.balances.replay
+        here = replay.channels_of(fitter.trial_ship.nominal)
+        found = []
+        for move in fitter.moves:
+            there = replay.channels_of(move.record, move.start)
+            found.append({c: (there[c] - x) / move.share for c, x in here.items()})
+        return found
+
     def trials(self) -> list[Trial]:
         """Formulas that were tried in the simulator, by what they gain beyond chance, best first."""
         tried: dict[tuple[str, frozenset[Block]], Trial] = {}
@@ -223,7 +260,7 @@ class FormulaSearch:
 
     def merit(self, trial: Trial) -> float:
         """Gain beyond what chance reaches."""
-        return trial.gain - self.threshold(len(trial.blocks))
+        return min(trial.gain, trial.sure) - self.threshold(len(trial.blocks))
 
     def _screened(self, about: Trial | None) -> Iterator[Screened]:
         """What straight lines about a formula recommend, pairs only once there is one."""
@@ -239,9 +276,9 @@ class FormulaSearch:
             ones, twos = screen.singles_and_pairs(place, residual, fit.weight, values)
             singles += ones
             pairs += twos
-        yield from sorted(singles, key=lambda one: -one.gain)[:SINGLES]
+        yield from screen.likeliest(singles, residual, fit.tolerances, values)[:SINGLES]
         if about is not None:
-            yield from sorted(pairs, key=lambda one: -one.gain)[:PAIRS]
+            yield from screen.likeliest(pairs, residual, fit.tolerances, values)[:PAIRS]
 
     def single(self, trial: Trial, block: Block, coefficient: float) -> Trial | None:
         """One block of a formula alone, fitted anew."""

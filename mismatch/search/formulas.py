@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...plant.terms import Term
 from ..estimate import Estimate
 from ..judge.whiteness import Whiteness
+from ..simulate.joint_replay import JointReplay
 from .blocks import Block, joined
 from .fitting import Fit
 from .formula_screen import home_of
@@ -91,6 +92,25 @@ def as_well(brought: float, other: float) -> bool:
     return brought > 0.0 and brought >= AS_WELL * other
 
 
+def no_worse(replay: JointReplay, before: Any, after: Any, rows: NDArray[np.int64]) -> bool:
+    """Whether no channel is simulated worse by one ship's record than by another's.
+
+    Args:
+        replay: of the recordings.
+        before: record of a ship.
+        after: likewise.
+        rows: that are judged.
+    """
+    errors = [
+        [
+            np.linalg.norm((replay.measured[c] - x)[rows])
+            for c, x in replay.channels_of(plant).items()
+        ]
+        for plant in (before, after)
+    ]
+    return all(b <= WORSE * a for a, b in zip(*errors, strict=True))
+
+
 @dataclass(frozen=True)
 class SetAside:
     """The data set aside, and how they judge.
@@ -124,7 +144,7 @@ def found_formula(search: FormulaSearch, aside: SetAside) -> Formula | None:
     price = search.threshold(2) - search.threshold(1)
     twos = []
     for trial in (t for t in trials if len(t.blocks) == 2):
-        if best is not None and trial.gain - best.gain < price:
+        if best is not None and _more(trial, best) < price:
             continue
         if held(trial) > max(0.0, 0.0 if best is None else held(best)) and _each(
             search, trial, held, price
@@ -136,6 +156,11 @@ def found_formula(search: FormulaSearch, aside: SetAside) -> Formula | None:
         return None
     rivals = _near(twos if longer else ones, chosen)
     return _told(search, chosen, held(chosen), rivals)
+
+
+def _more(trial: Trial, other: Trial) -> float:
+    """What a formula gains beyond another, also where the ship's numbers may be farther off."""
+    return min(trial.gain - other.gain, trial.sure - other.sure)
 
 
 def _shortest(trials: list[Trial]) -> Trial | None:
@@ -157,24 +182,18 @@ def _each(
     """Whether each of two blocks brings what it costs, and a gain on the data set aside."""
     for block, coefficient in zip(trial.blocks, trial.placed.values, strict=True):
         alone = search.single(trial, block, coefficient)
-        if alone is not None and (trial.gain - alone.gain < price or held(trial) <= held(alone)):
+        if alone is not None and (_more(trial, alone) < price or held(trial) <= held(alone)):
             return False
     return True
 
 
 def _held(search: FormulaSearch, aside: SetAside, trial: Trial) -> float:
     """Gain on the data set aside; minus infinity where a channel is simulated worse there."""
-    fitter = search.fitter
-    record, replay = fitter.trial_ship.record, fitter.balances.replay
-    before, after = record(search.base.effects), record(trial.fit.effects)
-    errors = []
-    for plant in (before, after):
-        channels = replay.channels_of(plant)
-        off = [(replay.measured[c] - x)[aside.rows] for c, x in channels.items()]
-        errors.append(np.sqrt(np.mean(np.square(off), axis=1)))
-    if not (errors[1] <= WORSE * errors[0]).all():
+    record = search.fitter.trial_ship.record
+    before, after = (search.errors(fit, aside.rows) for fit in (search.base, trial.fit))
+    if any(after[column] > WORSE * before[column] for column in before):
         return -math.inf
-    return aside.judge(after) - aside.judge(before)
+    return aside.judge(record(trial.fit.effects)) - aside.judge(record(search.base.effects))
 
 
 def _told(search: FormulaSearch, trial: Trial, held: float, rivals: list[Trial]) -> Formula:
