@@ -1,13 +1,14 @@
 """Which blocks a residual asks for, told by straight lines: no block is simulated here.
 
-What a place does to the balances is felt once, with a constant there; a block's trace at that place is
-then that answer times the block along a simulation. Whitened by a model's own likelihood, and with the
+What one unit at a place does to the balances is found once; a block's column is then that answer times
+the block along a simulation. Whitened by a model's own likelihood, and with the
 nominal numbers free in their tolerances, generalised least squares says what each block would gain, and
 each pair of them (orthogonal matching pursuit: Pati, Rezaiifar & Krishnaprasad 1993).
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,7 +19,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import lfilter
 
 from ...plant.term_kernel import Heard
-from ...plant.terms import PLACES, TERM_SIGNALS, Term
+from ...plant.terms import PLACES, TERM_SIGNALS
 from ..simulate.balances import Balances
 from .blocks import Block, Values, blocks_of
 from .fitting import Fit, Fitter
@@ -50,17 +51,6 @@ ACTS = {
     "pitch-actuator": ("pitch_rate",),
 }
 """Where what a balance lacks may act; thrust is told from resistance only where it is measured."""
-
-SIZE_OF = {
-    "drive": "drive",
-    "inflow_velocity": "advance_velocity",
-    "thrust": "thrust",
-    "drive_torque": "propeller_torque",
-    "load_torque": "propeller_torque",
-    "resistance": "resistance",
-    "pitch_rate": "pitch_ratio",
-}
-"""Signal by whose size a place is felt."""
 
 HEARD = {
     "engine": ("shaft_speed", "drive", "brake_torque"),
@@ -138,19 +128,13 @@ class Screen:
     def __init__(self, fitter: Fitter, base: Fit) -> None:
         self.fitter, self.base = fitter, base
         self._blocks: dict[str, list[Block]] = {}
-        self._answers: dict[str, NDArray[np.float64] | None] = {}
-        self._nominal = self._samples(base.effects)
-        self._values = self._of(self._nominal)
+        self._answers: dict[str, NDArray[np.float64]] = {}
+        self._values = self.values(base.effects)
 
     def values(self, effects: tuple[Placed, ...]) -> Values:
         """Every signal that an expression may use, along a simulation, by name."""
-        return self._of(self._samples(effects))
-
-    def _samples(self, effects: tuple[Placed, ...]) -> Any:
-        return self.fitter.balances.replay.simulate(self.fitter.trial_ship.record(effects))
-
-    def _of(self, samples: Any) -> Values:
         replay = self.fitter.balances.replay
+        samples = replay.simulate(self.fitter.trial_ship.record(effects))
         names = samples.dtype.names
         found = {n: np.ascontiguousarray(samples[n]) for n in TERM_SIGNALS if n in names}
         found["pitch_command"] = replay.command
@@ -179,32 +163,38 @@ class Screen:
             self._blocks[place] = blocks_of({name: self._values[name] for name in names})
         return self._blocks[place]
 
-    def answer(self, place: str) -> NDArray[np.float64] | None:
-        """What one unit at a place does to each balance, shape (balances, rows); None if not told."""
+    def answer(self, place: str) -> NDArray[np.float64]:
+        """What one unit at a place does to each balance, shape (balances, rows); 0 where nothing."""
         if place not in self._answers:
-            self._answers[place] = self._felt(place, self._nominal)
+            self._answers[place] = self._felt(place)
         return self._answers[place]
 
-    def _felt(self, place: str, nominal: Any) -> NDArray[np.float64] | None:
-        balances, ship = self.fitter.balances, self.fitter.trial_ship.ship
-        if place == "pitch_rate" and "pitch-actuator" not in balances.names:
-            return None
-        size = float(np.sqrt(np.mean(np.square(nominal[SIZE_OF[place]]))))
-        if size == 0.0 and place == "drive_torque":
-            size = float(np.sqrt(np.mean(np.square(nominal["brake_torque"]))))
-        probe = PROBE * size or PROBE
-        names = {term.id for term in ship.term}
-        own = next(n for n in (f"probe-{i}" for i in range(99)) if n not in names)
-        host = self.fitter.trial_ship.host(self.base.effects)
-        term = Term.model_validate({"id": own, "acts_on": place, "expression": f"{probe!r}"})
-        replay = balances.replay
-        record = host.with_term(term).with_values(_values(self.fitter, self.base)).record()
-        there = balances.residuals(replay.simulated(replay.simulate(record)))
-        found = (there - balances.residuals(replay.simulated(nominal))) / probe
-        if place == "pitch_rate":
-            found[:] = 0.0
-            found[balances.names.index("pitch-actuator")] = ship.pitch_actuator.time_constant_s
-        return found if np.isfinite(found).all() else None
+    def _felt(self, place: str) -> NDArray[np.float64]:
+        balances = self.fitter.balances
+        replay, plant, names = balances.replay, balances.plant, balances.names
+        if place in ("inflow_velocity", "drive"):
+            # a model that has it already lacks so much less
+            rows = "inflow_rows" if place == "inflow_velocity" else "drive_rows"
+            given = getattr(replay, rows)
+            probe = PROBE * max(float(np.sqrt(np.mean(np.square(given)))), 1e-3)
+            other = copy.copy(balances)
+            other.replay = copy.copy(replay)
+            setattr(other.replay, rows, given + probe)
+            here = balances.residuals(balances.nominal)
+            return np.asarray((here - other.residuals(balances.nominal)) / probe)
+        push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
+        does = {
+            "drive_torque": {balances.prime_mover: 1.0},
+            "load_torque": {home_of("load_torque", balances): -1.0},
+            "thrust": {"hull": push, "thrust": 1.0},
+            "resistance": {"hull": -1.0},
+            "pitch_rate": {"pitch-actuator": replay.ship.pitch_actuator.time_constant_s},
+        }[place]
+        found = np.zeros((len(names), replay.rows))
+        for name, factor in does.items():
+            if name in names:
+                found[names.index(name)] = factor
+        return found
 
     def columns(self, place: str, blocks: Sequence[Block], values: Values) -> Complex:
         """What blocks at a place do to the balances, transformed; shape (blocks, balances, f)."""
@@ -214,7 +204,7 @@ class Screen:
             constant = self.fitter.trial_ship.ship.pitch_actuator.time_constant_s
             kept = float(np.exp(-balances.replay.interval_s / constant))
             traces = lfilter([1.0 - kept], [1.0, -kept], traces, axis=1)
-        answer: Any = self.answer(place)
+        answer = self.answer(place)
         found = np.zeros((len(blocks), len(balances.names), len(bands.order)), np.complex128)
         for row in np.flatnonzero(np.abs(answer).max(axis=1) > 0.0):
             found[:, row] = bands.transform(traces * answer[row])
@@ -315,10 +305,3 @@ class Screen:
             return np.concatenate([flat.real, flat.imag], axis=1)
 
         return white
-
-
-def _values(fitter: Fitter, base: Fit) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for placed in base.effects:
-        found |= fitter.trial_ship.settings(placed)
-    return found

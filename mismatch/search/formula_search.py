@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...plant.ship_errors import ShipError
 from ...plant.terms import PLACES, TERM_SIGNALS, Term
 from .blocks import Block, joined
 from .catalogue import Effect, Parameter
@@ -47,6 +48,12 @@ REACH = 10.0
 WIDE = 4.0
 """Factor on the tolerances of the ship's numbers under which a formula must hold too: what a number that
 is wrong explains as well is none."""
+
+NEWLY = 2
+"""Times that the ship is simulated anew with such numbers."""
+
+ALIKE = 0.999
+"""Cosine of what two places do to the balances from which on they are one."""
 
 SMALL_SAMPLE = 1.5
 """Factor on what chance reaches, for bands of few frequencies; as of the shapes."""
@@ -94,15 +101,13 @@ class FormulaSearch:
         self.fitter, self.base = fitter, base
         self.screen = Screen(fitter, base)
         balances = fitter.balances
-        self.places = [
-            place for place in places_of(balances, names) if self.screen.answer(place) is not None
-        ]
+        self.places = self._apart(places_of(balances, names))
         self.count = sum(len(self.screen.blocks(place)) for place in self.places)
         self.samples = sum(
             b - a for a, b in zip(fitter.bands.starts, fitter.bands.ends, strict=True)
         )
         self._wide = Likelihood(fitter.bands, WIDE * fitter.nuisance)
-        self._base_wide = self._wide(base.difference, base.tolerances / WIDE).score
+        self._base_wide = self._by_numbers()
         ship = fitter.trial_ship.host(base.effects)
         outside = {**ship.signals}
         told = {
@@ -112,6 +117,51 @@ class FormulaSearch:
         taken = {term.id for term in ship.term}
         self._id = next(n for n in _ids() if n not in taken)
         self._names = [n for n in ("a", "b", "c", "d", "e", "f", "g", "h", "k") if n not in outside]
+
+    def _apart(self, places: list[str]) -> list[str]:
+        """Places that can be felt and told from each other; of those that cannot, the plainer."""
+        kept: dict[str, NDArray[np.float64]] = {}
+        for place in sorted(places, key=lambda place: place in INDIRECT):
+            answer = self.screen.answer(place)
+            if not answer.any():
+                continue
+            answer = answer / np.linalg.norm(answer)
+            if all(abs(float(np.sum(answer * other))) < ALIKE for other in kept.values()):
+                kept[place] = answer
+        return list(kept)
+
+    def _by_numbers(self) -> float:
+        """2 log L of the model where the ship's numbers are farther off than the file says.
+
+        What a straight line says of them is simulated, and lines are drawn anew there.
+        """
+        fitter, base = self.fitter, self.base
+        found = self._wide(base.difference, base.tolerances / WIDE)
+        best: float = found.score
+        ship = fitter.trial_ship.corrected(base.effects)
+        moved = np.zeros(len(found.shares))
+        for _ in range(NEWLY):
+            moved = moved + found.shares
+            values: dict[str, float] = {}
+            for share, move in zip(WIDE * moved, fitter.moves, strict=False):
+                for key, change in move.numbers.items():
+                    own = values.get(key, ship.number(key).value)
+                    values[key] = own + share * change / move.share
+            told = [bool(move.numbers) for move in fitter.moves]
+            moved[: len(told)] *= told
+            moved[len(told) :] = 0.0
+            try:
+                record = ship.with_values(values).record()
+            except ShipError:
+                break
+            difference = fitter.measured - fitter.predicted(record)
+            if not np.isfinite(difference).all():
+                break
+            found = self._wide(difference)
+            # the prior is about the file's numbers, not those of the line before
+            whole = moved + found.shares
+            best = max(best, float(found.score + found.shares @ found.shares - whole @ whole))
+        return best
 
     def threshold(self, blocks: int) -> float:
         """Gain that chance does not reach: p ln N + 2 ln K, of K formulas of so many blocks."""

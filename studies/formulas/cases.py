@@ -22,7 +22,7 @@ NULLS = {"frigate": 30, "motor": 20}
 """Cases without any missing physics."""
 
 WRONG = 0.01
-"""Standard deviation of the ship's numbers in every fourth case, as a share; known within 0.15 to 0.5 %."""
+"""Standard deviation of a ship's numbers in every fourth case, as a share; known to 0.15 to 0.5 %."""
 
 NOISE = {
     "pitch_ratio": 0.004,
@@ -43,7 +43,7 @@ OUTSIDE = {
     },
     "motor": {"side_force": ("N", 40.0, 30.0), "temperature": ("K", 30.0, 25.0)},
 }  # fmt: skip
-"""Signals that every recording of a rig holds, whether they matter or not: unit, mean, most beside it."""
+"""Signals that every recording of a rig holds, needed or not: unit, mean, most beside it."""
 
 NUMBERS = {
     "frigate": (
