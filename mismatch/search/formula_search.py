@@ -289,6 +289,7 @@ class FormulaSearch:
             found.append({c: (there[c] - x) / move.share for c, x in here.items()})
         return found
 
+    @functools.cached_property
     def trials(self) -> list[Trial]:
         """Formulas that were tried in the simulator, by what they gain beyond chance, best first."""
         tried: dict[tuple[str, frozenset[Block]], Trial] = {}

@@ -131,7 +131,7 @@ def found_formula(search: FormulaSearch, aside: SetAside) -> Formula | None:
         search: on the part that is fitted.
         aside: the data set aside.
     """
-    trials = [t for t in search.trials() if search.merit(t) > 0.0]
+    trials = [t for t in search.trials if search.merit(t) > 0.0]
     judged: dict[int, float] = {}
 
     def held(trial: Trial) -> float:
