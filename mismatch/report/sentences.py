@@ -7,6 +7,7 @@ import numpy as np
 from ..judge.findings import Finding
 from ..judge.verdict import EXPLAINED, NOTHING
 from ..outcome import Outcome
+from .formulas import formula_sentence
 from .numbers import numbers_that_explain
 from .wording import measure, parameter_words
 
@@ -56,6 +57,8 @@ def sentence(diagnosis: Outcome) -> str:
     shape = diagnosis.shape
     if limits and not diagnosis.excited:
         return f"Something differs; which effect it is cannot be decided, because {limits}."
+    if diagnosis.formula is not None:
+        return f"Something is missing that has no name. {formula_sentence(diagnosis.formula)}"
     if shape is None:
         return "Something is missing that the catalogue does not name."
     signal = shape.signal.replace("_", " ")
