@@ -15,6 +15,7 @@ from .judge.verdict import BalanceVerdict
 from .judge.whiteness import Colour
 from .numbers.moved import MovedNumber
 from .numbers.wrong import WrongNumber
+from .search.formulas import Formula
 from .search.placed import Window
 from .search.selection import Candidate
 
@@ -58,6 +59,7 @@ class Outcome:
         numbers: of the ship that were calibrated or free, or that the recording moved far.
         balance_verdicts: each balance for itself.
         wrong: of each finding: the number of the ship's file that would explain it as well, or None.
+        formula: of what has no name, where one holds on the data set aside; None where none does.
     """
 
     verdict: str
@@ -93,3 +95,4 @@ class Outcome:
     numbers: list[MovedNumber] = field(default_factory=list)
     wrong: list[WrongNumber | None] = field(default_factory=list)
     balance_verdicts: tuple[BalanceVerdict, ...] = ()
+    formula: Formula | None = None

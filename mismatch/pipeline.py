@@ -44,6 +44,7 @@ from .progress import Tick, silent
 from .recordings.joint import JointRecordings, Recorded, load_jointly
 from .search.catalogue import applicable
 from .search.fitting import Fitter
+from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
 from .setting import Settings
@@ -176,21 +177,26 @@ def _judged(
     shape: Shape | None = None
     windows: list[Window] = []
     where = ""
+    ship, rows = numbers.start.ship, judge.rows
+    formula: Formula | None = None
     if verdict.name in (PARTLY, UNEXPLAINED) and (verdict.colour or verdict.left_over):
         shapes = best_shapes(fitter, told)
         colour = verdict.left_over if named else verdict.colour or verdict.left_over
         shape = shape_to_show(shapes, balances, colour)
+        formula = formula_of(whiteness, told, judge, rows)
     if shape is not None:
         windows, where = _located(shape, fitter)
-    ship, rows = numbers.start.ship, judge.rows
     plain = fitter.trial_ship.corrected(told.effects)
     carried = numbers.carried(plain, told, judge, rows)
-    term = None if shape is None else term_of(shape, ship)
     candidates = [carried, plain] if carried != plain else [plain]
-    if term is not None:  # a shape that does not hold on data set aside is shown, not used
+    # a shape or formula that does not hold on data set aside is shown, not used
+    if shape is not None and (term := term_of(shape, ship)) is not None:
         candidates.insert(0, carried.with_term(term))
-    free = FreeRunning(replay, rows)
-    corrected, gain, spoilt = corrected_ship(ship, candidates, judge, free)
+    if formula is not None:
+        spelled = carried.with_term(formula.term)
+        first = as_well(judge(spelled.record()), judge(candidates[0].record()))
+        candidates.insert(0 if first else 1, spelled)
+    corrected, gain, spoilt = corrected_ship(ship, candidates, judge, FreeRunning(replay, rows))
     warnings = _not_carried(findings, corrected == ship, spoilt)
     if corrected.signals:
         corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.hears})
@@ -239,6 +245,7 @@ def _judged(
         warnings=together.warnings + constant + list(numbers.start.remarks) + warnings,
         numbers=numbers.told(told, corrected),
         wrong=wrong_numbers(fitter, selection) if named else [],
+        formula=formula,
     )  # fmt: skip
 
 

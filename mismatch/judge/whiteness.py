@@ -93,6 +93,19 @@ class Whiteness:
             ratio[bands.frequency_Hz[bands.edges[1:] - 1] > SLOWER_THAN_SEA_HZ] = 0.0
         return np.asarray(ratio)
 
+    @property
+    def _limit(self) -> NDArray[np.float64]:
+        """Power over the noise's from which on a band is coloured, shape (bands,)."""
+        bands = self.fitter.bands
+        freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
+        return np.asarray(EXCESS * chi2.isf(CHANCE, freedom) / freedom)
+
+    def coloured(self, fit: Fit) -> list[str]:
+        """Names of the balances in which a model leaves more than noise."""
+        excess = (self.ratios(fit) / self._limit[:, None]).max(axis=0)
+        names = self.fitter.balances.names
+        return [name for name, most in zip(names, excess, strict=True) if most > 1.0]
+
     def colour(self, fit: Fit, balance: int | None = None) -> Colour | None:
         """Where a model's residual exceeds the noise most; None where it is noise.
 
@@ -101,10 +114,8 @@ class Whiteness:
             balance: index of the one that is looked at; all by default.
         """
         bands = self.fitter.bands
-        freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
-        limit = EXCESS * chi2.isf(CHANCE, freedom) / freedom
         ratios = self.ratios(fit)
-        excess = ratios / limit[:, None]
+        excess = ratios / self._limit[:, None]
         if balance is not None:
             excess[:, [row for row in range(excess.shape[1]) if row != balance]] = 0.0
         band, row = np.unravel_index(int(np.argmax(excess)), excess.shape)

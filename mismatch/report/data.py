@@ -8,6 +8,7 @@ from typing import Any
 from ..judge.verdict import EXPLAINED
 from ..outcome import Outcome
 from ..simulate.balances import PART_OF
+from .formulas import formula_as_dict
 from .numbers import numbers_as_dict, wrong_as_dict, wrong_of
 from .sentences import finding_sentence, sentence
 
@@ -119,6 +120,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
                 "gain_2logL": diagnosis.held_out_gain,
             }
         },
+        "formula": formula_as_dict(diagnosis.formula),
         "explained_power": diagnosis.explained,
         "detectable": [
             {"id": d.effect.id, "balance": d.effect.balance, "parameter": d.effect.parameters[0].name,

@@ -19,6 +19,7 @@ from ..search.catalogue import catalogue, mistaken_for
 from ..search.placed import Placed
 from . import figures, regimes
 from .changes import changed_keys
+from .formulas import formula_for_page
 from .numbers import page_rows, wrong_of, wrong_words
 from .panels import equation
 from .remarks import remarks
@@ -67,6 +68,7 @@ def report_html(diagnosis: Outcome) -> str:
         findings=[_finding(diagnosis, i) for i in range(len(diagnosis.findings))],
         shape=_shape(diagnosis),
         balances=_balances(diagnosis),
+        formula=formula_for_page(diagnosis.formula),
         located=[diagnosis.balances[row][0] for row in regimes.located_rows(diagnosis)[:2]],
         figures={key: [Markup(panel) for panel in panels] for key, panels in drawn.items()},
         shown=min(figures.RANKED, len(diagnosis.ranking)),

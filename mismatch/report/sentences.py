@@ -7,6 +7,7 @@ import numpy as np
 from ..judge.findings import Finding
 from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, BalanceVerdict
 from ..outcome import Outcome
+from .formulas import formula_sentence
 from .numbers import numbers_that_explain
 from .wording import measure, parameter_words
 
@@ -82,6 +83,8 @@ def sentence(diagnosis: Outcome) -> str:
         return f"Cannot be decided, because {limits}."
     if limits and not diagnosis.excited:
         return f"Something differs; which effect it is cannot be decided, because {limits}."
+    if diagnosis.formula is not None:
+        return f"Something is missing that has no name. {formula_sentence(diagnosis.formula)}"
     if shape is None:
         return "Something is missing that the catalogue does not name."
     signal = shape.signal.replace("_", " ")

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ..judge.verdict import NOTHING
 from ..outcome import Outcome
+from .formulas import formula_lines
 from .numbers import table_rows, wrong_of, wrong_words
 from .sentences import sentence
 
@@ -46,6 +47,8 @@ def summary(diagnosis: Outcome) -> str:
     ]
     if wrong:
         parts.append("Or a wrong number\n" + "\n".join(wrong))
+    if diagnosis.formula is not None:
+        parts.append("A formula for it\n" + "\n".join(formula_lines(diagnosis.formula)))
     if diagnosis.numbers:
         right = ("file", "found", "se", "moved", "corrected")
         parts.append(

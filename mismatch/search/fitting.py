@@ -155,7 +155,7 @@ class Fitter:
             return transformed(replay.channels_of(plant))
 
         here = predicted(record(fit.effects))
-        columns = []
+        columns: list[Complex] = []
         for i, placed in enumerate(fit.effects):
             for j, value in enumerate(placed.values):
                 step = 1e-2 * abs(value) + 1e-9 if steps is None else steps[len(columns)]
