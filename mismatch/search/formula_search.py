@@ -49,7 +49,7 @@ WIDE = 4.0
 """Factor on the tolerances of the ship's numbers under which a formula must hold too: what a number that
 is wrong explains as well is none."""
 
-NEWLY = 2
+NEWLY = 10
 """Times that the ship is simulated anew with such numbers."""
 
 ALIKE = 0.999
