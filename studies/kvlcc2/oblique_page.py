@@ -137,7 +137,8 @@ def _said(own: Own, runs: Runs) -> str:
             f"- **{UNSEEN}, unseen: thrust {before.thrust:.2f} → {after.thrust:.2f} N (target 1.6), "
             f"torque {1e3 * before.torque:.0f} → {1e3 * after.torque:.0f} mN m**, "
             f"{after.thrust / before.thrust:.2f} and {after.torque / before.torque:.2f} of before; the "
-            f"bound, the same form fitted to that run itself, is {bound.thrust:.2f} N and {1e3 * bound.torque:.0f} mN m. In the propeller "
+            f"bound, the same form fitted to that run itself, is {bound.thrust:.2f} N "
+            f"and {1e3 * bound.torque:.0f} mN m. In the propeller "
             f"balance, by {', '.join(heard) or 'no signal'} and the plant's own advance_velocity. By "
             f"least squares in place of the tool's likelihood the same form gives {direct.thrust:.2f} N "
             f"and {1e3 * direct.torque:.0f} mN m.",

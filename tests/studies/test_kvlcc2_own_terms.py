@@ -10,6 +10,7 @@ import pytest
 
 from shaftline.mismatch.search.entries import read_entries
 from shaftline.plant import Ship
+from shaftline.plant.replay import simulate_recording
 from shaftline.studies.kvlcc2.numbers import Errors
 from shaftline.studies.kvlcc2.oblique import (
     FITTED,
@@ -84,10 +85,7 @@ def test_least_squares_find_a_wake_that_is_there(own: Ship, tmp_path: Path) -> N
     truth = {"a": -0.4, "b": 0.8, "a0": -0.06, "s": 0.2}
     true = start.with_values({f"term.{term}.{name}": value for name, value in truth.items()})
     run = a_run(own)
-    thrust, torque = errors_in_flow(true, run)
-    assert thrust > 0.5
-    from shaftline.plant.replay import simulate_recording
-
+    assert errors_in_flow(true, run).thrust > 0.5
     simulated = simulate_recording(true, beside(run))
     run[THRUST], run[TORQUE] = simulated[THRUST], simulated[TORQUE]
     found = by_squares(start, keys, [run], WEIGHTS)
