@@ -10,6 +10,7 @@ from pathlib import Path
 
 from . import page
 from .numbers import found_by, found_in, refusals, sensitivity
+from .oblique import own_terms
 from .runs import BEFORE, SMALL, load_runs, ship_of
 
 
@@ -24,6 +25,7 @@ def main() -> None:
     found = page.Findings(
         ship, runs, found_in(ship, runs, SMALL), found_in(ship, runs, BEFORE),
         refusals(ship, runs), sensitivity(ship, runs), found_by(ship, runs, SMALL),
+        own_terms(ship, runs),
     )  # fmt: skip
     page.write(options.out, found)
     print(found.small.summary())

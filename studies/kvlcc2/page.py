@@ -14,7 +14,9 @@ from ...display.tables import markdown, write_table
 from ...mismatch.numbers.identification import Identification
 from ...plant import Ship
 from ...plant.columns import SHAFT_SPEED, TIME
+from . import oblique_page
 from .numbers import DEDUCTION, EFFICIENCY, FRESH_COLD, RESISTANCE, WAKE, best_wake, judged
+from .oblique import Own
 from .runs import (
     APPROACH_SPEED,
     BEFORE,
@@ -50,6 +52,7 @@ class Findings:
         refused: what the tool said, by the numbers that it was asked for.
         sensitivity: the numbers by other answers to what is straight.
         others: other questions to the parts of small drift.
+        own: what a term of one's own makes of the zig-zags.
     """
 
     ship: Ship
@@ -59,6 +62,7 @@ class Findings:
     refused: dict[tuple[str, ...], str]
     sensitivity: pd.DataFrame
     others: dict[str, Identification]
+    own: Own
 
 
 INTRODUCTION = f"""\
@@ -94,6 +98,9 @@ def write(folder: Path, found: Findings) -> None:
     table = judged(found.ship, ships, found.runs)
     write_table(folder, NAME, TITLE, COMMAND, table, body(found, table))
     figures.save(drawn(found), folder / "figures" / f"{NAME}.png")
+    figures.save(
+        oblique_page.drawn(found.own, found.runs), folder / "figures" / f"{NAME}-own-term.png"
+    )
 
 
 def body(found: Findings, table: pd.DataFrame) -> str:
@@ -102,6 +109,8 @@ def body(found: Findings, table: pd.DataFrame) -> str:
     parts += ["\n## What is refused together\n", _refused(found)]
     parts += ["\n## Zig-zags: rms error of the thrust, N\n", _zigzags(table)]
     parts += ["\n![Thrust, measured and simulated](figures/kvlcc2.png)\n", _carried(found, table)]
+    parts += ["\n## A term of one's own: the wake in drift\n"]
+    parts += [oblique_page.section(found.own, found.runs)]
     parts += [
         "\n## How much hangs on what is called straight\n",
         _sensitivity(found),

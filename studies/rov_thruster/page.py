@@ -192,9 +192,7 @@ def _conclusions(table: pd.DataFrame, found: dict[str, list[Split]], runs: Runs)
         f"{whole_ramp[1]:.2f} on unseen ramps. Verdicts: "
         + ", ".join(dict.fromkeys(_names(found[WHOLE])))
         + f". Under 2.5 V or more the thruster runs {astern:.1f} rad/s faster than that model astern, "
-        f"and {ahead:.1f} ahead. The catalogue's asymmetry is one of torque, and a motor held back by "
-        "its own back-EMF hardly feels that in steady running; an asymmetry of the voltage has no "
-        "entry. A shape over time means nothing where several runs are joined: read it as 'no name'.",
+        f"and {ahead:.1f} ahead.",
         "- **Thrust.** With the thrust read too: "
         + ", ".join(_names(found[WITH_THRUST]))
         + ". The bench's zero drift and ringing are in it and no entry describes them.",

@@ -204,9 +204,7 @@ def splits(runs: Runs) -> dict[str, list[Split]]:
         CONSTANTS: [split(ship, runs, c, CONSTANTS) for c in last],
         WHOLE: [split(whole, runs, c, WHOLE) for c in last],
         AS_RECORDED: [split(ship, runs, c, AS_RECORDED, reversals=True) for c in last],
-        WITH_THRUST: [
-            split(ship, runs, c, WITH_THRUST, channels=(SPEED, THRUST)) for c in last[:1]
-        ],
+        WITH_THRUST: [split(ship, runs, c, WITH_THRUST, channels=(SPEED, THRUST)) for c in last],
     }
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +14,8 @@ import pytest
 from shaftline.mismatch import identify
 from shaftline.mismatch.numbers.identification import Identification
 from shaftline.plant import RecordingError, Ship
-from shaftline.studies.kvlcc2 import __main__, numbers, page
+from shaftline.studies.kvlcc2 import __main__, numbers, oblique, page
+from shaftline.studies.kvlcc2.numbers import Errors
 from shaftline.studies.kvlcc2.runs import (
     APPROACH_SPEED,
     BEFORE,
@@ -208,12 +211,26 @@ def test_the_page_tells_every_run(
         wake_fraction_se=0.01, relative_rotative_efficiency=1.0, resistance_coefficient_N_s2_m2=25.0,
     )  # fmt: skip
     others = numbers.found_by(ship, runs, SMALL)
-    found = page.Findings(ship, runs, small, small, {}, sensitivity, others)
+    here = oblique.held(ship)
+    errors = {name: Errors(1.25, 0.031) for name in oblique.FITTED}
+    tried = tuple(oblique.Tried(form, 4, errors) for form in oblique.FORMS)
+    said_of: Any = SimpleNamespace(
+        verdict="unexplained",
+        findings=[],
+        corrected=here,
+        ranking=[],
+        sentence="what the tool says",
+    )
+    own = oblique.Own(here, tried, here, said_of, said_of, said_of, Errors(0.9, 0.02))
+    found = page.Findings(ship, runs, small, small, {}, sensitivity, others, own)
     page.write(tmp_path, found)
     said = (tmp_path / "kvlcc2.md").read_text()
     assert all(f"| {name}" in said for name in NAMES)
     assert f"{small.parameters[numbers.WAKE]:.3f} (" in said
     assert len(pd.read_csv(tmp_path / "kvlcc2.csv")) == len(NAMES)
+    assert "what the tool says" in said
+    assert "| 1.25 | 31 |" in said
+    assert (tmp_path / "figures" / "kvlcc2-own-term.png").stat().st_size > 10_000
     assert (tmp_path / "figures" / "kvlcc2.png").stat().st_size > 10_000
 
 
