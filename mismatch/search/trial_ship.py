@@ -22,6 +22,9 @@ from .placed import Placed, Window
 PITCH_GAPS = ("pitch_actuator.dead_band", "pitch_actuator.backlash")
 """Numbers that hide in the steps of a coarse reading of the pitch."""
 
+PITCH_OFFSETS = ("sensors.pitch_offset", "pitch_actuator.offset")
+"""Keys of numbers by which all readings of the pitch are shifted."""
+
 
 class TrialShip:
     """One ship as it sails in one recording, with any effects put onto it.
@@ -103,14 +106,17 @@ class TrialShip:
 
         Of a delay that is half an interval of the recording, and a whole one where nobody knows when
         between two rows a demand moved; of a play or a dead band of the pitch, the steps in which it is
-        read, where they are coarse.
+        read, where they are coarse, and of an offset half of them.
         """
         least = parameter.least
         if parameter.number(self.ship).info.unit == "s":
             interval = self._replay.interval_s / self._replay.every
             least = max(least, interval if self._replay.line else 0.5 * interval)
+        step = self._replay.quantisation.get("pitch_ratio", 0.0)
         if parameter.key in PITCH_GAPS:
-            least = max(least, self._replay.quantisation.get("pitch_ratio", 0.0))
+            least = max(least, step)
+        if parameter.key in PITCH_OFFSETS:
+            least = max(least, 0.5 * step)
         return least
 
     def neutral(self, parameter: Parameter) -> float:
