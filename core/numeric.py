@@ -28,10 +28,10 @@ def piecewise_linear(
 ) -> Real:
     """Straight lines between the first ``count`` knots, held outside them."""
     last = count - 1
-    if x.real < knots[0]:
+    if x.real < knots[0].real:
         return values[0]
     for k in range(last):
-        if x.real < knots[k + 1]:
+        if x.real < knots[k + 1].real:
             slope = (values[k + 1] - values[k]) / (knots[k + 1] - knots[k])
             return values[k] + slope * (x - knots[k])
     return values[last]

@@ -264,14 +264,14 @@ def _verdict(
     told = said(selection, False)
     if told[1].name != UNEXPLAINED or not selection.fit.effects or not replay.excited:
         return told
-    sure = sure_effects(selection, shown_in(fitter, selection.fit), whiteness)
+    rows = shown_in(fitter, selection.fit)
     nameless = {s.balance: s.gain for s in best_shapes(fitter, fitter.null)}
     names = fitter.balances.names
     # where a free shape over one signal does better, the name is not the truth's
     sure = [
         i
-        for i, row in zip(range(len(selection.gains)), shown_in(fitter, selection.fit), strict=True)
-        if i in sure and selection.gains[i] >= nameless.get(names[row], 0.0)
+        for i in sure_effects(selection, rows, whiteness)
+        if selection.gains[i] >= nameless.get(names[rows[i]], 0.0)
     ]
     if not sure:
         return told

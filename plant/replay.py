@@ -31,7 +31,7 @@ from .signals import SAMPLE
 from .simulation import trajectory
 from .state import STATE, Inputs, State
 from .steady_state import equilibrium
-from .term_kernel import MAX_SIGNALS, outside_at
+from .term_kernel import outside_at
 from .waves import calm
 
 WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
@@ -114,19 +114,9 @@ class Replay:
         over = max(1, min(round(start_over_s / self.interval_s), self.rows // 20))
         self.start = self._first_state(over)
         self.start_angle = self._turning(max(over, 3))[0] if SHAFT_ANGLE in table else 0.0
-        self.signals = self._signals()
+        heard = (name for name in ship.signals if name in table)
+        self.signals = ship.outside_rows({n: self._continuous(self._column(n)) for n in heard})
         self._still = np.zeros(2 * len(self.drive) + 1)
-
-    def _signals(self) -> NDArray[np.float64]:
-        """What is heard from outside at the steps' starts and middles and the last one's end."""
-        self.ship.refuse_unheard(self.table)
-        if not self.ship.signals:
-            return np.zeros((1, MAX_SIGNALS))
-        found = np.zeros((len(self.elevation), MAX_SIGNALS))
-        for k, name in enumerate(sorted(self.ship.signals)):
-            if name in self.table:
-                found[:, k] = self._continuous(self._column(name))
-        return found
 
     def _column(self, name: str) -> NDArray[np.float64]:
         return np.asarray(self.table[name], dtype=np.float64)

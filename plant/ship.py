@@ -7,6 +7,8 @@ import math
 from collections.abc import Container, Mapping
 from typing import Annotated, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from .actuators import PitchActuator
@@ -30,7 +32,7 @@ from .record import record_of
 from .shaft import UNLESS_HELD, Transmission
 from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
-from .term_kernel import MAX_SIGNALS, MAX_TERMS, NO_SIGNALS
+from .term_kernel import MAX_SIGNALS, MAX_TERMS
 from .terms import TERM_SIGNALS, Name, Term
 from .tolerances import Tolerances
 from .ventilation import Ventilation
@@ -297,18 +299,29 @@ class Ship(Section):
         """Signals from outside that its terms use."""
         return tuple(sorted({name for term in self.term for name in term.hears}))
 
-    def outside(self, given: Mapping[str, float]) -> tuple[float, ...]:
-        """Signals from outside at one instant, as the kernels take them.
+    def outside_rows(self, given: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Signals from outside along a time base, as the kernels take them.
 
         Args:
-            given: by name.
+            given: each of shape (n,), by name.
+
+        Returns:
+            Shape (n, MAX_SIGNALS), or one row where none is given.
 
         Raises:
             ShipError: a term hears one that is not given.
         """
         self.refuse_unheard(given)
-        found = [float(given.get(name, 0.0)) for name in sorted(self.signals)]
-        return (*found, *NO_SIGNALS[len(found) :])
+        found = np.zeros((max(map(len, given.values()), default=1), MAX_SIGNALS))
+        for k, name in enumerate(sorted(self.signals)):
+            if name in given:
+                found[:, k] = given[name]
+        return found
+
+    def outside(self, given: Mapping[str, float]) -> tuple[float, ...]:
+        """The same at one instant, of shape (MAX_SIGNALS,)."""
+        rows = self.outside_rows({name: np.array([value]) for name, value in given.items()})
+        return tuple(map(float, rows[0]))
 
     def refuse_unheard(self, given: Container[str]) -> None:
         """Refuse a term that hears what there is not.

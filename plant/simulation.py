@@ -16,7 +16,7 @@ from .ship import Ship
 from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
 from .stepping import Disturbance, observe, prepare, step
-from .term_kernel import MAX_SIGNALS, outside_at
+from .term_kernel import outside_at
 from .waves import calm
 
 
@@ -155,18 +155,6 @@ def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.fl
     return np.array(np.broadcast_to(array, times.shape), order="C")
 
 
-def _heard(ship: Ship, schedule: Schedule, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signals from outside at some times, or one row where the ship hears none."""
-    ship.refuse_unheard(schedule.signals)
-    if not ship.hears:
-        return np.zeros((1, MAX_SIGNALS))
-    found = np.zeros((len(times), MAX_SIGNALS))
-    for k, name in enumerate(sorted(ship.signals)):
-        if name in schedule.signals:
-            found[:, k] = _sampled(schedule.signals[name], times, name)
-    return found
-
-
 def simulate(
     ship: Ship,
     schedule: Schedule,
@@ -202,6 +190,11 @@ def simulate(
     steps = max(1, math.ceil(duration_s / dt - 1e-9))
     grid = np.arange(steps, dtype=np.float64) * dt
     half_grid = np.arange(2 * steps + 1, dtype=np.float64) * (0.5 * dt)
+    heard = {
+        name: _sampled(value, half_grid, name)
+        for name, value in schedule.signals.items()
+        if name in ship.hears
+    }
     state = np.zeros(1, STATE)
     state[0] = tuple(float(value) for value in initial)
     samples = np.zeros(steps + 1, SAMPLE)
@@ -215,7 +208,7 @@ def simulate(
         _sampled(schedule.inflow, half_grid, "inflow"),
         _sampled(schedule.elevation, half_grid, "elevation"),
         _sampled(schedule.resistance_factor, half_grid, "resistance_factor"),
-        _heard(ship, schedule, half_grid),
+        ship.outside_rows(heard),
         dt,
         samples,
     )

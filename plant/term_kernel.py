@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled, compiled_apart
+from ..core.numeric import piecewise_linear
 
 MAX_TERMS, MAX_PROGRAMS, MAX_OPERATIONS, MAX_CONSTANTS, MAX_DEPTH = 6, 12, 64, 24, 24
 MAX_STATES = 3
@@ -213,29 +214,14 @@ def _on_a_stack(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
             stack[top] = signals[index]
         elif code == TABLE:
             top -= index
-            stack[top] = _tabled(stack, top, index // 2)
+            points = stack[top + 1 : top + 1 + index]
+            stack[top] = piecewise_linear(points[::2], points[1::2], index // 2, stack[top])
         elif code <= POWER or code >= MIN:
             top -= 1
             stack[top] = _of_two(code, stack[top], stack[top + 1])
         else:
             stack[top] = _of_one(code, stack[top])
     return stack[0]
-
-
-@compiled_apart
-def _tabled(stack: Any, at: int, count: int) -> Real:
-    """Straight lines between ``count`` pairs of knot and value, held outside them.
-
-    The signal stands in the stack's place ``at``, the pairs behind it.
-    """
-    x, first = stack[at], at + 1
-    if x.real < stack[first].real:
-        return stack[first + 1]
-    for k in range(first, first + 2 * (count - 1), 2):
-        if x.real < stack[k + 2].real:
-            slope = (stack[k + 3] - stack[k + 1]) / (stack[k + 2] - stack[k])
-            return stack[k + 1] + slope * (x - stack[k])
-    return stack[first + 2 * count - 1]
 
 
 @compiled

@@ -17,13 +17,12 @@ from scipy.stats import chi2
 from ...plant.ship import Ship
 from ...plant.terms import Term
 from ..search.fitting import Fit, Fitter
-from ..search.spectra import Likelihood
+from ..search.spectra import SMALL_SAMPLE
 from ..simulate.balances import Balances
 from .whiteness import Colour
 
 KNOTS = 5
 TIME_KNOTS = 8
-SMALL_SAMPLE = 1.5
 LOOSE = 10.0
 """Prior standard deviation of a shape's values, in rms of its balance's residual: next to free."""
 
@@ -141,9 +140,7 @@ def best_shapes(fitter: Fitter, fit: Fit) -> list[Shape]:
             hats = _hats(values, knots)
             columns = np.zeros((len(knots), *fit.difference.shape), np.complex128)
             columns[:, row] = bands.transform(hats) * (LOOSE * rms)
-            judge = Likelihood(bands, np.concatenate([columns, fitter.nuisance]))
-            start = np.concatenate([np.zeros(len(knots)), fit.tolerances])
-            marginal = judge(fit.difference, start)
+            marginal = fitter.beside(fit, columns)
             # the loose prior is no cost of the shape's
             shares = marginal.shares[: len(knots)]
             gain = marginal.score + float(shares @ shares) - fit.score

@@ -81,7 +81,7 @@ class Whiteness:
     def ratios(self, fit: Fit) -> NDArray[np.float64]:
         """Power of a model's residual over the noise's, shape (bands, balances); 0 where not judged."""
         bands, balances = self.fitter.bands, self.fitter.balances
-        residual = fit.difference - np.einsum("k,kmf->mf", fit.tolerances, self.fitter.nuisance)
+        residual = self.fitter.left(fit)
         found = moments(bands, residual, residual).real
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.nan_to_num(

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from ..judge.whiteness import Whiteness
 from ..progress import Tick, silent
 from ..search.fitting import Fit, Fitter
-from ..search.spectra import Likelihood
 from .found import Found
 from .free import Free
 from .identifiable import UntoldError, refuse_unidentifiable
@@ -149,9 +148,7 @@ class OutputError:
     def _step(self, values: Sequence[float], fit: Fit, columns: Any) -> NDArray[np.float64]:
         """The Gauss-Newton step, the covariance of what is left after it being its weight."""
         reach = np.maximum(REACH * np.abs(values), LEAST_REACH * np.array(self._sizes))
-        regressors = np.concatenate([columns * reach[:, None, None], self.fitter.nuisance])
-        start = np.concatenate([np.zeros(len(reach)), fit.tolerances])
-        found = Likelihood(self.fitter.bands, regressors)(fit.difference, start)
+        found = self.fitter.beside(fit, columns * reach[:, None, None])
         return np.asarray(found.shares[: len(reach)] * reach)
 
     def _information(self, fit: Fit, columns: Any) -> NDArray[np.float64]:

@@ -192,12 +192,6 @@ def applicable(
     ]
 
 
-def signals_of_catalogue() -> dict[str, str]:
-    """Signals from outside that entries of the catalogue hear, and their units."""
-    heard = {name for effect in catalogue() if effect.term for name in effect.term.hears}
-    return {name: unit for name, unit in OUTSIDE.items() if name in heard}
-
-
 OUTSIDE = {
     "drift_angle": "rad",
     "yaw_rate": "rad/s",

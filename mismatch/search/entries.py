@@ -29,8 +29,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from ...plant.terms import NO_BOUND, Term
 from .catalogue import Effect, Parameter
 
-BALANCES = ("engine", "motor", "propeller", "hull", "pitch-actuator", "sensor")
-
 
 class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

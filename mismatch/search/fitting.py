@@ -24,7 +24,7 @@ from ..simulate.balances import Balances, Channels
 from ..simulate.tolerances import NEAR, Moved, tolerance_moves
 from .coordinates import JointSearch
 from .placed import Placed
-from .spectra import Bands, Complex, Likelihood
+from .spectra import Bands, Complex, Likelihood, Marginal
 from .trial_ship import TrialShip
 
 MOST_WIDENING = 0.05
@@ -45,7 +45,6 @@ LEAST_STEP, REACH = 1e-3, 0.5
 
 LOUDER = 4.0
 """Times the power in a balance without a model that no model may leave."""
-
 
 Transformed: TypeAlias = Callable[[Channels], Complex]
 """Makes what is compared of simulated channels."""
@@ -239,9 +238,7 @@ class Fitter:
 
     def joint(self, fit: Fit, evaluations: int = 90) -> Fit:
         """Refit all effects together."""
-        everything = list(range(len(fit.effects)))
-        found = self._searched(fit, everything, evaluations, spread=0.1)
-        return self.polished(found)
+        return self.polished(self._searched(fit, None, evaluations, spread=0.1))
 
     def polished(self, fit: Fit) -> Fit:
         """Refit all effects together by Gauss-Newton steps, from values that are near."""
@@ -256,10 +253,7 @@ class Fitter:
             ) * (REACH / LEAST_STEP)
             if not np.isfinite(columns).all():
                 break
-            regressors = np.concatenate([columns, self.nuisance])
-            start = np.concatenate([np.zeros(len(point)), fit.tolerances])
-            shares = Likelihood(self.bands, regressors)(fit.difference, start).shares
-            step, better = REACH * shares[: len(point)], None
+            step, better = REACH * self.beside(fit, columns).shares[: len(point)], None
             for share in (1.0, 0.3, 0.1):
                 found = self.fitted(search.placed(point + share * step))
                 if found.score > fit.score:
@@ -273,22 +267,30 @@ class Fitter:
                 break
         return fit
 
+    def beside(self, fit: Fit, columns: Any) -> Marginal:
+        """How much of some columns, shape (c, balances, frequencies), is in what a model lacks.
+
+        Their shares are standard normal beforehand, and the nominal numbers are free beside them.
+        """
+        start = np.concatenate([np.zeros(len(columns)), fit.tolerances])
+        regressors = np.concatenate([columns, self.nuisance])
+        return Likelihood(self.bands, regressors)(fit.difference, start)
+
+    def left(self, fit: Fit) -> Complex:
+        """What a model leaves, the nominal numbers where it has them; shape (balances, frequencies)."""
+        return np.asarray(fit.difference - np.einsum("k,kmf->mf", fit.tolerances, self.nuisance))
+
     def louder(self, fit: Fit) -> bool:
         """Whether a model leaves far more in a balance than there was without it.
 
-        Balances that err together, and much, have a covariance of small determinant: to a likelihood of
-        unknown covariance that is as good as little error. It is not what explains a recording.
+        Balances that err together have a covariance of small determinant, which looks as good as little
+        error where the covariance is free.
         """
-        left = [
-            f.difference - np.einsum("k,kmf->mf", f.tolerances, self.nuisance)
-            for f in (self.null, fit)
-        ]
-        before, after = (np.abs(residual) ** 2 @ self.bands.weights for residual in left)
+        before, after = (np.abs(self.left(f)) ** 2 @ self.bands.weights for f in (self.null, fit))
         return bool(np.any(after > LOUDER * before))
 
-    def _searched(self, fit: Fit, which: list[int], evaluations: int, spread: float) -> Fit:
-        search = JointSearch(self.trial_ship, fit.effects, which)
-        best = [fit]
+    def _searched(self, fit: Fit, which: list[int] | None, evaluations: int, spread: float) -> Fit:
+        search, best = JointSearch(self.trial_ship, fit.effects, which), [fit]
 
         def loss(point: Any) -> float:
             found = self.fitted(search.placed(point))

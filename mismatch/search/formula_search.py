@@ -24,7 +24,7 @@ from .catalogue import Effect, Parameter
 from .fitting import Fit, Fitter
 from .formula_screen import Screen, Screened, home_of, places_of
 from .placed import Placed
-from .spectra import Likelihood
+from .spectra import SMALL_SAMPLE, Likelihood
 from .units import quotient
 
 INDIRECT = ("drive", "inflow_velocity")
@@ -54,9 +54,6 @@ NEWLY = 10
 
 ALIKE = 0.999
 """Cosine of what two places do to the balances from which on they are one."""
-
-SMALL_SAMPLE = 1.5
-"""Factor on what chance reaches, for bands of few frequencies; as of the shapes."""
 
 
 @dataclass(frozen=True)
@@ -252,9 +249,7 @@ class FormulaSearch:
         if not np.isfinite(columns).all():
             return None
         reach = REACH * np.where(sizes == 0.0, 1.0, np.abs(sizes))
-        regressors = np.concatenate([np.array(columns) * reach[:, None, None], fitter.nuisance])
-        start = np.concatenate([np.zeros(len(sizes)), fit.tolerances])
-        found = Likelihood(fitter.bands, regressors)(fit.difference, start)
+        found = fitter.beside(fit, np.array(columns) * reach[:, None, None])
         step = found.shares[: len(sizes)] * reach
         for share in (1.0, 0.3, 0.09):
             trial = sizes + share * step

@@ -37,6 +37,11 @@ BAND_RATIO = 1.25
 """Ratio of a band's upper to its lower edge, where it holds enough frequencies."""
 
 
+SMALL_SAMPLE = 1.5
+"""Factor by which a likelihood ratio of few frequencies a band is larger than its limit, chi-squared;
+measured on simulated nulls."""
+
+
 @dataclass(frozen=True)
 class Bands:
     """Frequencies of the segments of a recording, and the bands that pool them.

@@ -120,7 +120,7 @@ def test_a_shape_s_values_are_next_to_free(monkeypatch: pytest.MonkeyPatch) -> N
             super().__init__(grid, regressors)
 
     fit = lacking(np.zeros((2, ROWS)))
-    monkeypatch.setattr("shaftline.mismatch.judge.shapes.Likelihood", Spied)
+    monkeypatch.setattr("shaftline.mismatch.search.fitting.Likelihood", Spied)
     best_shapes(fit, fit.null)
     rms = np.sqrt(np.mean(np.abs(fit.null.difference) ** 2, axis=1))
     # over the shaft's speed, the drive and time; speed of ship and pitch rest
