@@ -194,7 +194,8 @@ def _judged(
         candidates.insert(0, carried.with_term(term))
     if formula is not None:
         spelled = carried.with_term(formula.term)
-        first = as_well(judge(spelled.record()), judge(candidates[0].record()))
+        start, other = judge(ship.record()), judge(candidates[0].record())
+        first = as_well(judge(spelled.record()) - start, other - start)
         candidates.insert(0 if first else 1, spelled)
     corrected, gain, spoilt = corrected_ship(ship, candidates, judge, FreeRunning(replay, rows))
     warnings = _not_carried(findings, corrected == ship, spoilt)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from ...plant.terms import Term
 from ..estimate import Estimate
 from ..judge.whiteness import Whiteness
-from ..simulate.joint_replay import JointReplay
 from .blocks import Block, joined
 from .fitting import Fit
 from .formula_screen import home_of
@@ -90,25 +89,6 @@ def formula_of(
 def as_well(brought: float, other: float) -> bool:
     """Whether a formula does as well as a shape, by their gains on the data set aside."""
     return brought > 0.0 and brought >= AS_WELL * other
-
-
-def no_worse(replay: JointReplay, before: Any, after: Any, rows: NDArray[np.int64]) -> bool:
-    """Whether no channel is simulated worse by one ship's record than by another's.
-
-    Args:
-        replay: of the recordings.
-        before: record of a ship.
-        after: likewise.
-        rows: that are judged.
-    """
-    errors = [
-        [
-            np.linalg.norm((replay.measured[c] - x)[rows])
-            for c, x in replay.channels_of(plant).items()
-        ]
-        for plant in (before, after)
-    ]
-    return all(b <= WORSE * a for a, b in zip(*errors, strict=True))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from threadpoolctl import threadpool_limits
 
+from shaftline.mismatch.judge.correction import FreeRunning
 from shaftline.mismatch.judge.held_out import HeldOut, bands_of, set_aside
 from shaftline.mismatch.judge.whiteness import Whiteness
 from shaftline.mismatch.search.blocks import Block, Factor
@@ -22,7 +23,6 @@ from shaftline.mismatch.search.formulas import (
     as_well,
     formula_of,
     found_formula,
-    no_worse,
 )
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -181,6 +181,7 @@ def test_a_channel_that_is_simulated_worse_is_seen() -> None:
     search, aside, formula = searched("-c * side_force * drive", 5e-5, 4)
     assert formula is not None
     replay: Any = search.fitter.balances.replay
-    nominal, better = rig().record(), rig().with_term(formula.term).record()
-    assert no_worse(replay, nominal, better, aside.rows)
-    assert not no_worse(replay, better, nominal, aside.rows)
+    free = FreeRunning(replay, aside.rows)
+    nominal, better = free.errors(rig()), free.errors(rig().with_term(formula.term))
+    assert not free.worse(better, nominal)
+    assert free.worse(nominal, better)
