@@ -27,18 +27,14 @@ from shaftline.studies.kvlcc2.oblique import (
     held,
     with_form,
 )
-from shaftline.studies.kvlcc2.runs import SPEED, SWAY, THRUST, TORQUE, YAW, loads_at, ship_of
+from shaftline.studies.kvlcc2.runs import SPEED, SWAY, THRUST, TORQUE, YAW, loads_at
 
-OMEGA = 64.2738
+from .tanker import OMEGA, tanker
 
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory: pytest.TempPathFactory) -> Ship:
-    folder = tmp_path_factory.mktemp("kvlcc2")
-    j = np.linspace(0.0, 0.9, 10)
-    table = pd.DataFrame({"J": j, "Kt": 0.32 - 0.35 * j, "10Kq": 0.37 - 0.35 * j})
-    table.to_csv(folder / "open_water.csv", index=False)
-    return ship_of(folder)
+    return tanker(tmp_path_factory.mktemp("kvlcc2"))
 
 
 def a_run(ship: Ship, seconds: float = 60.0) -> pd.DataFrame:
