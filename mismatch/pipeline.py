@@ -22,7 +22,8 @@ from .judge.correction import FreeRunning, corrected_ship
 from .judge.findings import Finding, detectable_effects, findings_of, shown_in
 from .judge.fit import fits
 from .judge.held_out import HeldOut, Segments
-from .judge.location import active_windows, change_points, regime, windows_between
+from .judge.instead import formula_instead, refuted
+from .judge.location import active_windows, regime
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_of
 from .judge.verdict import (
     EXPLAINED,
@@ -43,12 +44,12 @@ from .options import Options
 from .progress import Tick, silent
 from .recordings.joint import JointRecordings, Recorded, load_jointly
 from .search.catalogue import applicable
+from .search.episodes import episodes
 from .search.fitting import Fitter
 from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
 from .setting import Settings
-from .simulate.balances import Balances
 
 
 def diagnose(
@@ -126,7 +127,7 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
             ship = nearer
         while True:
             whiteness, held = settings.best.whiteness, settings.best.held
-            windows = _episodes(settings.best.balances)
+            windows = episodes(whiteness.fitter)
             selector = Selector(whiteness.fitter, effects, windows, tick)
             selection = selector.search()
             if not settings.corrected(selection):
@@ -137,16 +138,6 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         diagnosis = _judged(selection, selector, whiteness, held, together, numbers)
         tick("judging on the data set aside", 1, 1)
         return diagnosis
-
-
-def _episodes(balances: Balances) -> list[Window]:
-    """Windows in which an episode of resistance may lie."""
-    if "hull" not in balances.names or len(balances.replay.segments) > 1:
-        return []
-    row = balances.lacking(balances.nominal)[balances.names.index("hull")]
-    interval = balances.replay.interval_s
-    changes = change_points(row, interval)
-    return windows_between(changes, float(balances.replay.time_s[-1]))
 
 
 def _judged(
@@ -164,7 +155,13 @@ def _judged(
     lacking = balances.lacking(balances.nominal)  # with the free numbers where they are
     judge = HeldOut(fitter, held)
     selection = confirmed(selection, fitter, judge.score)
-    selection, verdict = _verdict(selection, fitter, whiteness, judge)
+    free = FreeRunning(replay, judge.rows)
+    selection, verdict = _verdict(selection, fitter, whiteness, judge, numbers, free)
+    formula: Formula | None = None
+    if verdict.name == EXPLAINED:
+        formula = formula_instead(selection, verdict, whiteness, judge)
+        if formula is not None and refuted(formula, selection, whiteness):
+            verdict = verdict_of(selection, whiteness, -math.inf, replay.excited)
     too_little = not replay.excited or any("too short" in said for said in together.limits)
     undecidable = too_little and bool(together.limits)
     if verdict.name == NOTHING and undecidable:  # which is not the same
@@ -178,17 +175,17 @@ def _judged(
     windows: list[Window] = []
     where = ""
     ship, rows = numbers.start.ship, judge.rows
-    formula: Formula | None = None
     if verdict.name in (PARTLY, UNEXPLAINED) and (verdict.colour or verdict.left_over):
         shapes = best_shapes(fitter, told)
         colour = verdict.left_over if named else verdict.colour or verdict.left_over
         shape = shape_to_show(shapes, balances, colour)
-        formula = formula_of(whiteness, told, judge, rows)
+        formula = formula or formula_of(whiteness, told, judge, rows)
     if shape is not None:
         windows, where = _located(shape, fitter)
-    plain = fitter.trial_ship.corrected(told.effects)
-    carried = numbers.carried(plain, told, judge, rows)
-    candidates = [carried, plain] if carried != plain else [plain]
+    candidates = numbers.candidates(told, judge, rows)
+    # of a name that is not quite the truth a formula takes the place
+    bare = fitter.null if formula is not None and formula.better_than else told
+    carried = numbers.candidates(bare, judge, rows)[0]
     # a shape or formula that does not hold on data set aside is shown, not used
     if shape is not None and (term := term_of(shape, ship)) is not None:
         candidates.insert(0, carried.with_term(term))
@@ -197,7 +194,7 @@ def _judged(
         start, other = judge(ship.record()), judge(candidates[0].record())
         first = as_well(judge(spelled.record()) - start, other - start)
         candidates.insert(0 if first else 1, spelled)
-    corrected, gain, spoilt = corrected_ship(ship, candidates, judge, FreeRunning(replay, rows))
+    corrected, gain, spoilt = corrected_ship(ship, candidates, judge, free)
     warnings = _not_carried(findings, corrected == ship, spoilt)
     if corrected.signals:
         corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.hears})
@@ -251,15 +248,25 @@ def _judged(
 
 
 def _verdict(
-    selection: Selection, fitter: Fitter, whiteness: Whiteness, judge: HeldOut
+    selection: Selection,
+    fitter: Fitter,
+    whiteness: Whiteness,
+    judge: HeldOut,
+    numbers: Numbers,
+    free: FreeRunning,
 ) -> tuple[Selection, Verdict]:
     """The verdict, and what of the selection it speaks of, with what would have done as well."""
-    replay = fitter.balances.replay
+    replay, ship = fitter.balances.replay, numbers.start.ship
 
     def said(chosen: Selection, sure: bool) -> tuple[Selection, Verdict]:
         share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
         chosen = with_rivals(chosen, fitter, share)
         gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
+        if not sure and not any(placed.window for placed in chosen.fit.effects):
+            # all of the truth, it would be followed on data set aside, run freely
+            ships = numbers.candidates(chosen.fit, judge, judge.rows)
+            if chosen.fit.effects and corrected_ship(ship, ships, judge, free)[0] == ship:
+                gain = -math.inf
         return chosen, verdict_of(chosen, whiteness, gain, replay.excited, sure)
 
     told = said(selection, False)

@@ -187,7 +187,7 @@ _FORMS: dict[str, tuple[tuple[str, ...], Form]] = {
     ),
     "coulomb-friction/motor": (
         ("torque_N_m",),
-        lambda n, t: _dry(n["dry_front"], n, _speeds(t)),
+        lambda n, t: n["rub"] + _dry(n["dry_front"], n, _speeds(t)),
     ),
     "viscous-friction/motor": (
         ("torque_N_m_s_rad",),
@@ -218,4 +218,6 @@ def equivalent(effect: TrueEffect, numbers: Numbers, readings: pd.DataFrame) -> 
         return None
     names, form = _FORMS[effect.key]
     neutral = 1.0 if effect.id == "torque-sensor-gain" else 0.0
+    if effect.key == "coulomb-friction/motor":  # the motor has some of its own
+        neutral = numbers["rub"]
     return {"names": list(names), "value": float(form(numbers, readings)), "neutral": neutral}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from typing import Any
 
 import numpy as np
@@ -11,86 +9,11 @@ from numpy.typing import NDArray
 
 from ..search.placed import Window
 
-BLOCK_S = 20.0
-"""Residuals are averaged over blocks this long before change points are sought [s]."""
+GAP_S = 20.0
+"""Stretches that are less than this apart are one [s]."""
 
-MOST_CHANGES = 5
 ACTIVE_SHARE = 0.1
 """An effect acts where its trace is above this share of its largest."""
-
-
-def change_points(residual: NDArray[np.float64], interval_s: float) -> list[float]:
-    """Times [s] at which the mean of a balance's residual changes.
-
-    Optimal segmentation of block means (:func:`segmented`), with a penalty on the
-    long-run variance of the blocks, so that a coloured residual is not cut where it merely wanders.
-
-    Args:
-        residual: of one balance, shape (rows,).
-        interval_s: [s].
-    """
-    size = max(1, round(BLOCK_S / interval_s))
-    count = len(residual) // size
-    if count < 6:
-        return []
-    blocks = residual[: count * size].reshape(count, size).mean(axis=1)
-    steps = np.diff(blocks)
-    # the median of the steps is blind to the few that are changes
-    variance = (1.4826 * float(np.median(np.abs(steps)))) ** 2 / 2.0
-    if variance <= 0.0:
-        return []
-    correlation = float(np.clip(1.0 + 2.0 * _correlation(steps), 1.0, 4.0))
-    penalty = 3.0 * math.log(count) * variance * correlation
-    while True:
-        found = segmented(blocks, penalty)
-        if len(found) <= MOST_CHANGES:
-            return [i * size * interval_s for i in found]
-        penalty *= 1.5
-
-
-def segmented(values: NDArray[np.float64], penalty: float) -> list[int]:
-    """First values of all stretches but the first, each of a mean of its own.
-
-    The least sum of squared distances from the means plus a penalty for every stretch, found exactly by
-    dynamic programming over the last stretch (Jackson et al. 2005); stretches have two values at least.
-
-    Args:
-        values: shape (n,), n at least 2.
-        penalty: in the values' unit squared.
-    """
-    n = len(values)
-    centred = values - np.mean(values)
-    total = np.concatenate([[0.0], np.cumsum(centred)])
-    square = np.concatenate([[0.0], np.cumsum(centred**2)])
-    least, before = np.full(n + 1, np.inf), np.zeros(n + 1, np.int64)
-    least[0] = 0.0
-    for end in range(2, n + 1):
-        begin = np.arange(end - 1)
-        cost = square[end] - square[begin] - (total[end] - total[begin]) ** 2 / (end - begin)
-        whole = least[begin] + cost + penalty
-        before[end] = int(np.argmin(whole))
-        least[end] = whole[before[end]]
-    found: list[int] = []
-    end = int(before[n])
-    while end > 0:
-        found.insert(0, end)
-        end = int(before[end])
-    return found
-
-
-def _correlation(steps: NDArray[np.float64]) -> float:
-    """Lag-one correlation of the blocks behind their steps (-1/2 for white blocks)."""
-    square = float(np.median(steps**2))
-    lagged = float(np.median(steps[1:] * steps[:-1]))
-    return lagged / square + 0.5 if square > 0.0 else 0.0
-
-
-def windows_between(changes: list[float], duration_s: float) -> list[Window]:
-    """All stretches that begin or end at a change point, the whole recording excepted."""
-    edges = [0.0, *changes, duration_s]
-    return [
-        (a, b) for a, b in itertools.combinations(edges, 2) if b - a < duration_s - 1e-9 and b > a
-    ]
 
 
 def active_windows(
@@ -111,7 +34,7 @@ def active_windows(
     active = strength > ACTIVE_SHARE * top
     if active.mean() > 0.6:
         return [(0.0, duration_s)]
-    gap = max(1, round(BLOCK_S / interval_s))
+    gap = max(1, round(GAP_S / interval_s))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], active.astype(int), [0]])))
     merged: list[list[int]] = []
     for a, b in zip(edges[::2], edges[1::2], strict=True):

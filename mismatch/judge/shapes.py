@@ -12,14 +12,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from ...plant.ship import Ship
 from ...plant.terms import Term
 from ..search.fitting import Fit, Fitter
-from ..search.spectra import SMALL_SAMPLE
+from ..search.spectra import chance
 from ..simulate.balances import Balances
 from .whiteness import Colour
+
+RARE = 1e-3
+"""Probability that chance alone makes a shape pass: nobody would expect one."""
 
 KNOTS = 5
 TIME_KNOTS = 8
@@ -95,15 +97,6 @@ def term_of(shape: Shape, ship: Ship) -> Term | None:
     )
 
 
-def chance(knots: int, tried: int) -> float:
-    """Gain in 2 log L that chance alone reaches in one null of a thousand.
-
-    A likelihood ratio of few frequencies a band is larger than its limit, chi-squared: by
-    :data:`SMALL_SAMPLE`, measured on simulated nulls.
-    """
-    return SMALL_SAMPLE * float(chi2.isf(1e-3 / tried, knots))
-
-
 def _hats(signal: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
     """Piecewise linear basis, shape (k, rows)."""
     return np.array([np.interp(signal, knots, row) for row in np.eye(len(knots))])
@@ -145,7 +138,7 @@ def best_shapes(fitter: Fitter, fit: Fit) -> list[Shape]:
             shares = marginal.shares[: len(knots)]
             gain = marginal.score + float(shares @ shares) - fit.score
             coefficients = shares * LOOSE * rms
-            limit = chance(len(knots), tried)
+            limit = chance(len(knots), tried, RARE)
             shape = Shape(
                 name, unit, signal, signal_unit, knots, coefficients, gain, limit,
                 coefficients @ hats,

@@ -109,6 +109,18 @@ class Numbers:
             return None
         return moved if self.fitter.scored(moved.record()).score > fit.score - TELL_APART else None
 
+    def candidates(self, fit: Fit, judge: Callable[[Any], float], rows: Any) -> list[Ship]:
+        """Corrected ships of a model: with the numbers that the recording moved, and without.
+
+        Args:
+            fit: the model.
+            judge: 2 log L of a ship's record on the data set aside.
+            rows: that were set aside.
+        """
+        plain = self.fitter.trial_ship.corrected(fit.effects)
+        carried = self.carried(plain, fit, judge, rows)
+        return [carried, plain] if carried != plain else [plain]
+
     def carried(self, corrected: Ship, fit: Fit, judge: Callable[[Any], float], rows: Any) -> Ship:
         """A corrected ship with the numbers as well that the recording moved.
 

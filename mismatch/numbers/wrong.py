@@ -91,7 +91,7 @@ def _fitted(
         column = fitter.predicted(record(value + size)) - fitter.predicted(record(value))
         if not np.isfinite(column).all():
             break
-        share = fitter.likelihood.amount(fit.weight, fit.difference, column)
+        share, _ = fitter.likelihood.amount(fit.weight, fit.difference, column)
         wanted = float(np.clip(value + share * size, low, high))
         found = fitter.scored(record(wanted), rest)
         gained = found.score - fit.score

@@ -32,6 +32,15 @@ def formula_sentence(formula: Formula) -> str:
     )
 
 
+def better_sentence(formula: Formula) -> str:
+    """How it stands to what the catalogue names."""
+    return (
+        f"it follows the recordings better than {', '.join(formula.better_than)}, by "
+        f"{formula.ahead:.1f} in 2 log L beyond the thresholds: the truth may be near the name and has "
+        "another form"
+    )
+
+
 def formula_as_dict(formula: Formula | None) -> dict[str, Any] | None:
     """As it stands in ``report.json``; None where there is none."""
     if formula is None:
@@ -48,6 +57,7 @@ def formula_as_dict(formula: Formula | None) -> dict[str, Any] | None:
             "held_out": formula.held_out,
         },
         "or_equally": list(formula.rivals),
+        "better_than": list(formula.better_than),
         "sentence": formula_sentence(formula),
     }
 
@@ -59,6 +69,8 @@ def formula_lines(formula: Formula) -> list[str]:
         f"evidence {formula.gain:.1f} in 2 log L, threshold {formula.threshold:.1f}; on the data set "
         f"aside {formula.held_out:.1f}",
     ]
+    if formula.better_than:
+        found.append(better_sentence(formula))
     return [*found, *(f"or equally {other}" for other in formula.rivals)]
 
 
@@ -74,6 +86,7 @@ def formula_for_page(formula: Formula | None) -> dict[str, Any] | None:
         "threshold": number(formula.threshold),
         "held_out": number(formula.held_out),
         "rivals": formula.rivals,
+        "better": better_sentence(formula) if formula.better_than else "",
     }
 
 

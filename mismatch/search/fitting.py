@@ -223,7 +223,7 @@ class Fitter:
         column = moved - self.predicted(self.trial_ship.record(base.effects))
         if not np.isfinite(column).all():
             return None
-        share = self.likelihood.amount(base.weight, base.difference, column)
+        share, _ = self.likelihood.amount(base.weight, base.difference, column)
         low, high = self.trial_ship.range_of(parameter)
         value = float(np.clip(neutral + share * (placed.values[0] - neutral), low, high))
         if abs(value - neutral) <= self.trial_ship.least(parameter) or (

@@ -44,6 +44,9 @@ class Formula:
         threshold: that it had to pass.
         held_out: gain on the data set aside.
         rivals: expressions as short that do as well.
+        better_than: labels of named effects that it follows the recordings better than, if it was tried
+            in their place.
+        ahead: by how much, in 2 log L beyond their thresholds.
     """
 
     balance: str
@@ -54,6 +57,8 @@ class Formula:
     threshold: float
     held_out: float
     rivals: tuple[str, ...] = ()
+    better_than: tuple[str, ...] = ()
+    ahead: float = 0.0
 
     @property
     def signals(self) -> tuple[str, ...]:

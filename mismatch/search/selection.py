@@ -6,14 +6,24 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..progress import Tick
 from .catalogue import Effect
 from .fitting import Fit, Fitter
 from .placed import Placed, Window
+from .spectra import Complex, chance
 
 MOST_EFFECTS = 3
 REFINED, FORMS = 5, 2
 """How many of a screen's best pieces of physics are refined by output error, and forms of each."""
+
+RISK = 0.01
+"""Probability that chance alone makes one of the catalogue's effects pass."""
+
+HOPE, AGAIN = 0.3, 0.1
+"""Shares of its threshold, and of the best gain, that an effect must reach by a straight line through
+what its probes moved alone, to be tried on top of others; and of its threshold there, to be refined."""
 
 NEAR_GAIN = 0.25
 """Share of the best gain that is worth refining."""
@@ -58,17 +68,6 @@ class Selection:
     ranking: tuple[Candidate, ...]
 
 
-def threshold(parameters: int, samples: int, candidates: int) -> float:
-    """Gain in 2 log L that chance alone does not reach: p ln N + 2 ln K.
-
-    Args:
-        parameters: of the effect, p.
-        samples: of the recording, N.
-        candidates: tried, K.
-    """
-    return parameters * math.log(samples) + 2.0 * math.log(max(candidates, 2))
-
-
 class Selector:
     """Searches the catalogue.
 
@@ -86,19 +85,19 @@ class Selector:
         self.effects = effects
         self.windows = windows
         self.tick = tick
-        self.samples = sum(
-            b - a for a, b in zip(fitter.bands.starts, fitter.bands.ends, strict=True)
-        )
+        self._moved: dict[str, list[Complex]] = {}
 
     def threshold(self, effect: Effect) -> float:
-        """That an effect must pass; its window counts as two parameters."""
+        """Gain that an effect must pass; its window counts as two parameters."""
         count = len(effect.parameters) + 2 * effect.windowed
-        return threshold(count, self.samples, len(self.effects))
+        return chance(count, max(len(self.effects), 1), RISK)
 
     def screen(self, base: Fit, stage: str) -> list[Candidate]:
-        """Every effect at the best of its probes on top of a model, best first."""
-        taken = {placed.effect.kind for placed in base.effects}
-        pending = [e for e in self.effects if e.kind not in taken]
+        """Effects at the best of their probes on top of a model, best first.
+
+        All of them on top of none; then those that what their probes moved there gives a chance.
+        """
+        pending = self._promising(base) if base.effects else self.effects
         found = []
         for done, effect in enumerate(pending):
             self.tick(stage, done, len(pending))
@@ -109,10 +108,42 @@ class Selector:
                 fit = self.fitter.fitted((*base.effects, placed))
                 if best is None or fit.score > best.score:
                     best = fit
+            if not base.effects:
+                self._alone(effect)  # while what it asks for is remembered
             if best is not None and math.isfinite(best.score):
                 found.append(Candidate(effect, best, best.score - base.score))
         self.tick(stage, len(pending), len(pending))
         return sorted(found, key=self._merit, reverse=True)
+
+    def _alone(self, effect: Effect) -> list[Complex]:
+        """What an effect's smallest probes move where nothing else is missing."""
+        if effect.label not in self._moved:
+            trial_ship, predicted = self.fitter.trial_ship, self.fitter.predicted
+            nothing = predicted(trial_ship.nominal)
+            trials = trial_ship.smallest(effect, self.windows)
+            moved = [predicted(trial_ship.record((placed,))) - nothing for placed in trials]
+            self._moved[effect.label] = [
+                m.astype(np.complex64) for m in moved if np.isfinite(m).all()
+            ]
+        return self._moved[effect.label]
+
+    def _promising(self, base: Fit) -> list[Effect]:
+        """Effects of other kinds than a model has that may gain on top of it.
+
+        What an effect moved alone is taken to be what it moves there, at any size.
+        """
+        taken = {placed.effect.kind for placed in base.effects}
+        pending = [e for e in self.effects if e.kind not in taken]
+        amount = self.fitter.likelihood.amount
+        gains = [
+            max((amount(base.weight, base.difference, m)[1] for m in self._alone(e)), default=0.0)
+            for e in pending
+        ]
+        least = AGAIN * max(gains, default=0.0)
+        return [
+            e for e, gain in zip(pending, gains, strict=True)
+            if gain > max(least, HOPE * self.threshold(e))
+        ]  # fmt: skip
 
     def _worth(self, screened: list[Candidate]) -> list[Candidate]:
         """The best of a screen: some pieces of physics, the best forms of each."""
@@ -140,6 +171,8 @@ class Selector:
     def refine(self, base: Fit, candidates: list[Candidate]) -> list[Candidate]:
         """The best of a screen, their values fitted; best first."""
         found = []
+        if base.effects:
+            candidates = [c for c in candidates if c.gain > HOPE * self.threshold(c.effect)]
         for candidate in self._worth(candidates):
             fit = self.fitter.refined(candidate.fit, len(candidate.fit.effects) - 1)
             if len(candidate.effect.parameters) > 1:

@@ -17,12 +17,12 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from ...core.compiled import compiled
+from .shares import best_shares
 
 Complex = NDArray[np.complex128]
 
@@ -40,6 +40,17 @@ BAND_RATIO = 1.25
 SMALL_SAMPLE = 1.5
 """Factor by which a likelihood ratio of few frequencies a band is larger than its limit, chi-squared;
 measured on simulated nulls."""
+
+
+def chance(freedom: int, tried: int, risk: float) -> float:
+    """Gain in 2 log L that the best of some trials exceeds by chance alone with a small probability.
+
+    Args:
+        freedom: numbers that each trial fits.
+        tried: how many.
+        risk: the probability, that one of all of them does.
+    """
+    return SMALL_SAMPLE * float(chi2.isf(risk / tried, freedom))
 
 
 @dataclass(frozen=True)
@@ -160,33 +171,6 @@ def moments(bands: Bands, left: Complex, right: Complex) -> Complex:
     return np.conj(sums, out=sums)
 
 
-@compiled
-def _inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
-    """Invert a Hermitian matrix a band in place (Gauss and Jordan, without exchange of rows).
-
-    Args:
-        matrices: positive definite, shape (bands, m, m).
-        counts: weight of each band.
-
-    Returns:
-        Sum over the bands of their weight times log |det|.
-    """
-    total = 0.0
-    for band in range(len(matrices)):
-        a = matrices[band]
-        for p in range(len(a)):
-            pivot = a[p, p].real
-            total += counts[band] * np.log(abs(pivot))
-            a[p, p] = 1.0
-            a[p] /= pivot
-            for i in range(len(a)):
-                if i != p:
-                    share = a[i, p]
-                    a[i, p] = 0.0
-                    a[i] -= share * a[p]
-    return total
-
-
 @dataclass(frozen=True)
 class Marginal:
     """A residual with nuisance regressors fitted to it."""
@@ -213,8 +197,8 @@ def _parts(weight: Complex) -> NDArray[np.float64]:
 class Likelihood:
     """2 log L of residuals with some regressors free under a standard normal prior.
 
-    Everything is reduced to sums over bands once, so that the iteration between the regressors' shares
-    and the bands' covariances costs nothing.
+    Everything is reduced to sums over bands once, so that the climb over the regressors' shares costs
+    little.
 
     Args:
         bands: the bands.
@@ -237,45 +221,32 @@ class Likelihood:
     ) -> Marginal:
         """Best shares and score of a residual of shape (m, frequencies), from some shares on."""
         k, m = self.shape
-        dd = moments(self.bands, residual, residual)
-        crossed = moments(self.bands, residual, self._flat).reshape(-1, m, k, m)
-        dz = _rows(crossed.transpose(2, 0, 1, 3), k)
-        shares: Any = np.zeros(k) if start is None else start
-        score, weight = self._score(dd, dz, shares)
-        for _ in range(30):
-            trial: Any = np.linalg.solve(self._gram(weight), 2.0 * (dz @ _parts(weight)))
-            found, heavier = self._score(dd, dz, trial)
-            if found < score + tolerance:
-                if found > score:
-                    score, shares, weight = found, trial, heavier
-                break
-            score, shares, weight = found, trial, heavier
-        return Marginal(score, shares, weight)
-
-    def _score(
-        self, dd: Complex, dz: NDArray[np.float64], shares: NDArray[np.float64]
-    ) -> tuple[float, Complex]:
-        cross = (shares @ dz).view(np.complex128).reshape(dd.shape)
-        quadratic = (np.outer(shares, shares).ravel() @ self._pairs).view(np.complex128)
-        sums = dd - cross - np.conj(np.swapaxes(cross, 1, 2)) + quadratic.reshape(dd.shape)
-        covariance = sums / self._counts[:, None, None]
-        logdet = _inverted(covariance, self._counts)
-        if not np.isfinite(logdet):
+        own = moments(self.bands, residual, residual)
+        products = moments(self.bands, residual, self._flat).reshape(-1, m, k, m)
+        crossed = np.ascontiguousarray(products.transpose(2, 0, 1, 3))
+        first = np.zeros(k) if start is None else np.asarray(start, np.float64)
+        score, shares, weight = best_shares(
+            own, crossed, self._pairs, self._counts, first, tolerance
+        )
+        if not math.isfinite(score):
             raise np.linalg.LinAlgError("singular: a balance's residual is 0 or another's multiple")
-        return float(-2.0 * logdet - shares @ shares), covariance
+        return Marginal(score, shares, weight)
 
     def _gram(self, weight: Complex) -> NDArray[np.float64]:
         """Information on the regressors, the prior included."""
         k = self.shape[0]
         return 2.0 * (self._pairs @ _parts(weight)).reshape(k, k) + np.eye(k)
 
-    def amount(self, weight: Complex, residual: Complex, column: Complex) -> float:
+    def amount(self, weight: Complex, residual: Complex, column: Complex) -> tuple[float, float]:
         """Generalised least squares: how much of a column is in a residual, the regressors free.
 
         Args:
             weight: inverse covariance by band.
             residual: shape (m, frequencies).
             column: likewise.
+
+        Returns:
+            The amount, and what it gains in 2 log L; both 0 where the column moves nothing.
         """
         k, m = self.shape
         both = np.concatenate([residual, column])
@@ -285,7 +256,8 @@ class Likelihood:
         with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
         taken = np.linalg.solve(self._gram(weight), with_regressors[1])
         rest = with_column[1] - taken @ with_regressors[1]
-        return float((with_column[0] - taken @ with_regressors[0]) / rest) if rest > 0.0 else 0.0
+        told = with_column[0] - taken @ with_regressors[0]
+        return (float(told / rest), float(told**2 / rest)) if rest > 0.0 else (0.0, 0.0)
 
     def information(self, weight: Complex, columns: Complex) -> NDArray[np.float64]:
         """Fisher information of columns and regressors together, the prior included.

@@ -1,8 +1,7 @@
-"""Change points, windows and regimes, from both sides of their limits."""
+"""Windows and regimes, from both sides of their limits."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import Any
 
@@ -10,141 +9,11 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch.judge.location import (
-    _correlation,
     active_windows,
-    change_points,
     regime,
-    segmented,
-    windows_between,
 )
-
-PER_BLOCK = 4  # rows of 5 s in a block of 20 s
-
-
-def residual(blocks: Any) -> Any:
-    """Rows whose block means are these."""
-    return np.repeat(np.asarray(blocks, dtype=float), PER_BLOCK)
-
-
-def changes(blocks: Any) -> list[float]:
-    return [t / 20.0 for t in change_points(residual(blocks), 5.0)]
-
-
-# -- change points -----------------------------------------------------------------------------
-
-
-def test_correlation_of_blocks_behind_their_steps() -> None:
-    # products of neighbours 2, -2, -2, 2: median 0; squares 1, 4, 1, 4, 1: median 1
-    assert _correlation(np.array([1.0, 2.0, -1.0, 2.0, 1.0])) == pytest.approx(0.5)
-    # products 3, 3, 6: median 3; squares 1, 9, 1, 36: median 5
-    assert _correlation(np.array([1.0, 3.0, 1.0, 6.0])) == pytest.approx(3.0 / 5.0 + 0.5)
-    assert _correlation(np.zeros(8)) == 0.0
-
-
-def stepped(pattern: list[float], count: int, gain: float) -> Any:
-    """A pattern that is lifted halfway, so that cutting it there explains a given sum of squares."""
-    blocks = np.resize(np.array(pattern), count)
-    return blocks + np.where(np.arange(count) < count // 2, 0.0, math.sqrt(gain / (count / 4.0)))
-
-
-# mean size of a step, and its scale as a normal variable's: (1.4826 |step|)^2 / 2
-WHITE = [1.0, -1.0]  # neighbours oppose each other: correlation below 0, counted as none
-TRIANGLE = [0.0, 1.0, 2.0, 1.0, 0.0, -1.0, -2.0, -1.0]  # neighbours follow: 1 + 2 (1 + 1/2) = 4
-
-
-@pytest.mark.parametrize(
-    ("pattern", "step", "correlation"), [(WHITE, 2.0, 1.0), (TRIANGLE, 1.0, 4.0)]
-)
-def test_a_change_must_pay_three_ln_n_of_the_long_run_variance(
-    pattern: list[float], step: float, correlation: float
-) -> None:
-    count = 48
-    penalty = 3.0 * math.log(count) * (1.4826 * step) ** 2 / 2.0 * correlation
-    assert changes(stepped(pattern, count, 1.08 * penalty)) == [24.0]
-    assert changes(stepped(pattern, count, 0.92 * penalty)) == []
-
-
-# steps 1, 1, 1/2, -1, -1, -1/2: median of the squares 1, of neighbours' products 1/2
-SLOWER = [0.0, 1.0, 2.0, 2.5, 1.5, 0.5]
-
-
-@pytest.mark.parametrize(
-    ("pattern", "step", "correlation"),
-    [(WHITE, 2.0, 1.0), (SLOWER, 1.0, 1.0 + 2.0 * (0.5 + 0.5)), (TRIANGLE, 1.0, 4.0)],
-)
-def test_the_penalty_is_told_to_the_search(
-    monkeypatch: pytest.MonkeyPatch, pattern: list[float], step: float, correlation: float
-) -> None:
-    asked = []
-
-    def spied(values: Any, penalty: float) -> Any:
-        asked.append(penalty)
-        return segmented(values, penalty)
-
-    monkeypatch.setattr("shaftline.mismatch.judge.location.segmented", spied)
-    changes(np.resize(pattern, 60))
-    variance = (1.4826 * step) ** 2 / 2.0
-    assert asked == [pytest.approx(3.0 * math.log(60) * variance * correlation)]
-    asked.clear()
-    changes(np.resize(pattern, 48) + np.repeat(100.0 * np.arange(8), 6))  # seven are too many
-    assert asked[1:] == pytest.approx([1.5 * penalty for penalty in asked[:-1]])
-
-
-def test_stretches_are_those_of_least_cost() -> None:
-    """Against every way to cut eleven values into stretches of two or more."""
-    values = np.random.default_rng(4).standard_normal(11) + np.repeat([0.0, 2.0, -1.0], [4, 3, 4])
-
-    def cost(cuts: tuple[int, ...], penalty: float) -> float:
-        parts = np.split(values, cuts)
-        if min(map(len, parts)) < 2:
-            return math.inf
-        return sum(float(np.sum((p - p.mean()) ** 2)) + penalty for p in parts)
-
-    for penalty in (0.3, 1.0, 3.0, 100.0):
-        ways = [w for k in range(6) for w in itertools.combinations(range(1, 11), k)]
-        best = min(ways, key=lambda cuts, penalty=penalty: cost(cuts, penalty))  # type: ignore[misc]
-        assert segmented(values, penalty) == list(best)
-
-
-def test_few_blocks_or_none_that_move_have_no_changes() -> None:
-    assert changes([0.0, 0.1, 0.0, 9.0, 9.1]) == []
-    assert len(changes([0.0, 0.1, 0.0, 9.0, 9.1, 9.0])) == 1
-    assert changes([1.0] * 20 + [1.0] * 20) == []
-    # rows beyond the last whole block are left out
-    assert change_points(np.append(residual([0.0, 0.1, 0.0, 9.0, 9.1, 9.0]), 1e9), 5.0) == [60.0]
-
-
-def test_at_most_five_changes_are_told() -> None:
-    blocks = np.resize([1.0, -1.0], 120) * 0.01 + np.repeat(np.arange(12) % 2, 10) * 5.0
-    assert len(changes(blocks + np.repeat(np.arange(12), 10) * 0.5)) <= 5
-    assert changes(np.resize([1.0, -1.0], 60) * 0.01 + np.repeat(np.arange(6) % 2, 10)) == [
-        10.0, 20.0, 30.0, 40.0, 50.0,
-    ]  # fmt: skip
-
-
-def test_white_noise_has_no_changes_and_a_step_two() -> None:
-    rng = np.random.default_rng(0)
-    assert change_points(rng.standard_normal(6000), 0.1) == []
-    trace = np.zeros(6000)
-    trace[2000:3000] = 5.0
-    found = change_points(trace + rng.standard_normal(6000), 0.1)
-    assert found == pytest.approx([200.0, 300.0], abs=20.0)
-
 
 # -- windows -----------------------------------------------------------------------------------
-
-
-def test_windows_lie_between_any_two_changes() -> None:
-    assert windows_between([], 90.0) == []
-    assert windows_between([20.0, 50.0], 90.0) == [
-        (0.0, 20.0), (0.0, 50.0), (20.0, 50.0), (20.0, 90.0), (50.0, 90.0),
-    ]  # fmt: skip
-    assert windows_between([20.0, 20.0], 90.0) == [
-        (0.0, 20.0),
-        (0.0, 20.0),
-        (20.0, 90.0),
-        (20.0, 90.0),
-    ]
 
 
 def trace(*stretches: tuple[int, int, float]) -> Any:

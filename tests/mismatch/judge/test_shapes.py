@@ -7,20 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from shaftline.mismatch.judge.shapes import (
     Shape,
     _hats,
     _knots,
     best_shapes,
-    chance,
     shape_to_show,
     signals_of,
 )
 from shaftline.mismatch.judge.whiteness import Colour
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.spectra import Likelihood
+from shaftline.mismatch.search.spectra import Likelihood, chance
 from shaftline.plant import load_ship
 
 from ..toy import FRICTION, RESISTANCE, ROWS, SLOPES, SPEED, TIME, Toy, bands, fitter, white
@@ -35,10 +33,6 @@ def lacking(rows: Any, **changes: Any) -> Fitter:
 def shape(balance: str, gain: float) -> Shape:
     ends = np.array([0.0, 1.0])
     return Shape(balance, "N", "time", "s", ends, ends, gain, 40.0, ends)
-
-
-def test_chance_is_one_null_of_a_thousand_widened() -> None:
-    assert chance(5, 8) == pytest.approx(1.5 * chi2.isf(1e-3 / 8, 5))
 
 
 def test_hats_are_straight_between_knots_and_level_beyond() -> None:
@@ -93,7 +87,7 @@ def test_a_curve_over_a_signal_is_found_with_its_values() -> None:
     best = found[0]
     assert (best.signal, best.signal_unit, best.unit) == ("shaft_speed", "rad/s", "N m")
     assert best.excess > 100.0
-    assert best.threshold == pytest.approx(chance(5, 5 * 2))
+    assert best.threshold == pytest.approx(chance(5, 5 * 2, 1e-3))
     assert best.values - best.values[2] == pytest.approx(6.0 * (best.knots - 10.0) ** 2, abs=1.0)
     assert best.trace == pytest.approx(np.interp(SPEED, best.knots, best.values))
     assert found[1].excess < 0.0  # nothing is missing there

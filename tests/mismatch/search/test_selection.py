@@ -6,11 +6,14 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from shaftline.mismatch import Effect
 from shaftline.mismatch.search.placed import Placed
-from shaftline.mismatch.search.selection import REFINED, Selector, threshold
+from shaftline.mismatch.search.selection import REFINED, Selector
+from shaftline.mismatch.search.spectra import chance
 
 from ..toy import entry
 
@@ -21,7 +24,6 @@ CURRENT = entry("current (hull)")
 EPISODE = entry("resistance-episode (hull)")
 BEND = entry("engine-torque-curvature (engine)")
 DERATING = entry("engine-derating (engine)")
-N = 6000
 
 
 class Scores:
@@ -31,8 +33,11 @@ class Scores:
         self.worth = {frozenset(k if isinstance(k, tuple) else (k,)): v for k, v in worth.items()}
         self.worth.setdefault(frozenset(), 0.0)
         self.refining = refining
-        self.bands = SimpleNamespace(starts=(0, 5000), ends=(4000, 7000))  # N rows
-        self.trial_ship = SimpleNamespace(trials=self._trials, smallest=self._smallest)
+        self.trial_ship = SimpleNamespace(
+            trials=self._trials, smallest=self._smallest, record=lambda effects: effects, nominal=()
+        )
+        # what a probe of 1 moves tells what one of 2 is worth
+        self.likelihood = SimpleNamespace(amount=lambda *told: (2.0, 2.0 * told[-1].real[0]))
         self.null = self.fitted(())
         self.refined_labels: list[str] = []
         self.jointly: list[tuple[str, ...]] = []
@@ -64,15 +69,22 @@ class Scores:
         """What is refined is the best already."""
         return fit
 
+    def predicted(self, effects: Any) -> Any:
+        """A single number: the score."""
+        return np.array([complex(self.score(effects))])
+
     def ahead(self, records: Any) -> None:
         """Nothing is simulated here."""
 
     def fitted(self, effects: tuple[Placed, ...]) -> Any:
-        return SimpleNamespace(effects=effects, score=self.score(effects))
+        return SimpleNamespace(
+            effects=effects, score=self.score(effects), weight=None, difference=None
+        )
 
     def refined(self, fit: Any, which: int) -> Any:
         self.refined_labels.append(fit.effects[which].effect.label)
-        return SimpleNamespace(effects=fit.effects, score=fit.score + self.refining)
+        better = fit.score + self.refining
+        return SimpleNamespace(effects=fit.effects, score=better, weight=None, difference=None)
 
     def joint(self, fit: Any, evaluations: int = 90) -> Any:
         self.jointly.append(tuple(p.effect.label for p in fit.effects))
@@ -84,28 +96,20 @@ def selector(scores: Scores, *effects: Effect) -> Selector:
     return Selector(scores, list(effects), [], lambda *_: None)  # type: ignore[arg-type]
 
 
-def test_the_threshold_is_p_ln_n_and_twice_ln_k() -> None:
-    assert threshold(2, 1000, 20) == pytest.approx(2.0 * math.log(1000.0) + 2.0 * math.log(20.0))
-    assert threshold(1, 1000, 1) == pytest.approx(math.log(1000.0) + 2.0 * math.log(2.0))
-
-
-def test_a_window_counts_as_two_parameters() -> None:
+def test_the_threshold_is_what_chance_reaches_once_in_a_hundred() -> None:
     search = selector(Scores({}), LAG, EPISODE, BEND)
-    chance = 2.0 * math.log(3.0)
-    assert search.samples == N
-    assert search.threshold(LAG) == pytest.approx(math.log(N) + chance)
-    assert search.threshold(EPISODE) == pytest.approx(3.0 * math.log(N) + chance)
-    assert search.threshold(BEND) == pytest.approx(2.0 * math.log(N) + chance)
+    for effect, freedom in ((LAG, 1), (BEND, 2), (EPISODE, 3)):  # a window counts as two parameters
+        assert search.threshold(effect) == pytest.approx(1.5 * chi2.isf(0.01 / 3.0, freedom))
 
 
 def test_a_screen_ranks_by_what_exceeds_the_threshold() -> None:
-    limit = math.log(N)
+    limit = chance(2, 3, 0.01) - chance(1, 3, 0.01)
     scores = Scores({BEND.label: 300.0 + 0.9 * limit, LAG.label: 300.0, FOULING.label: 40.0})
     told = []
     search = selector(scores, FOULING, BEND, LAG)
     search.tick = lambda *said: told.append(said)
     found = search.screen(scores.null, "screening")
-    assert [c.effect for c in found] == [LAG, BEND, FOULING]  # one parameter more costs ln N
+    assert [c.effect for c in found] == [LAG, BEND, FOULING]  # one parameter more has its price
     assert found[0].gain == 300.0
     assert found[0].placed == Placed(LAG, (2.0,))  # the better of its probes
     assert told == [("screening", i, 3) for i in range(4)]
@@ -115,6 +119,20 @@ def test_what_is_named_is_not_tried_again_in_its_balance() -> None:
     scores = Scores({LAG.label: 300.0, FOULING.label: 40.0})
     base = scores.fitted((Placed(LAG, (2.0,)),))
     assert [c.effect for c in selector(scores, LAG, FOULING).screen(base, "")] == [FOULING]
+
+
+@pytest.mark.parametrize(("second", "tried"), [(31.0, [FOULING]), (29.0, [])])
+def test_on_top_of_others_only_what_may_gain_is_tried(second: float, tried: list[Effect]) -> None:
+    scores = Scores({LAG.label: 400.0, CURRENT.label: 300.0, FOULING.label: second})
+    search = selector(scores, LAG, CURRENT, FOULING)
+    base: Any = scores.fitted((Placed(LAG, (2.0,)),))
+    assert [c.effect for c in search.screen(base, "")] == [CURRENT, *tried]  # a tenth of the best
+    alone = selector(scores, LAG, FOULING)
+    hope = 0.3 * alone.threshold(FOULING)
+    for gain, names in ((1.01 * hope, [FOULING]), (0.99 * hope, [])):
+        poor = Scores({LAG.label: 400.0, FOULING.label: gain})
+        found = selector(poor, LAG, FOULING).screen(base, "")
+        assert [c.effect for c in found] == names
 
 
 def test_a_screen_tries_the_size_that_the_smallest_probe_points_to() -> None:
@@ -153,7 +171,7 @@ def test_at_most_five_are_refined_and_none_that_gains_nothing() -> None:
 
 
 def test_nothing_below_its_threshold_is_named() -> None:
-    limit = math.log(N) + 2.0 * math.log(2.0)
+    limit = chance(1, 2, 0.01)
     for gain, names in ((0.999 * limit, ()), (1.001 * limit, (LAG,))):
         found = selector(Scores({LAG.label: gain, FOULING.label: 1.5}), LAG, FOULING).search()
         assert tuple(p.effect for p in found.fit.effects) == names
@@ -210,7 +228,7 @@ def test_effects_are_added_while_they_pass_and_three_at_most() -> None:
 def test_an_effect_that_a_later_one_makes_superfluous_is_dropped(
     own_share: float, kept: list[Effect]
 ) -> None:
-    limit = math.log(N) + 2.0 * math.log(3.0)
+    limit = chance(1, 3, 0.01)
     three = 700.0 + 2.0 * limit
     scores = Scores(
         {
@@ -226,7 +244,7 @@ def test_an_effect_that_a_later_one_makes_superfluous_is_dropped(
 
 
 def test_after_one_is_dropped_the_rest_is_looked_at_anew() -> None:
-    limit = math.log(N) + 2.0 * math.log(3.0)
+    limit = chance(1, 3, 0.01)
     scores = Scores(
         {
             (LAG.label, FOULING.label, CURRENT.label): 900.0,

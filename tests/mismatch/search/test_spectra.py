@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.stats import chi2
 
-from shaftline.mismatch.search.spectra import Bands, Likelihood, make_bands, moments
+from shaftline.mismatch.search.spectra import Bands, Likelihood, chance, make_bands, moments
 
 
 def noise(bands: Bands, seed: int, *shape: int) -> Any:
@@ -208,11 +209,16 @@ def test_the_amount_is_that_of_generalised_least_squares(
     right = gram_by_hand(bands, weight, columns, [residual])[:, 0]
     likelihood = Likelihood(bands, regressors)
     expected = np.linalg.solve(gram, right)[0]
-    assert likelihood.amount(weight, residual, column) == pytest.approx(expected)
-    assert likelihood.amount(weight, residual + 2.5 * column, column) == pytest.approx(
+    amount, gain = likelihood.amount(weight, residual, column)
+    assert amount == pytest.approx(expected)
+    # what least squares over all columns gains beyond that over the regressors alone
+    fewer = gram[1:, 1:]
+    alone = right[1:] @ np.linalg.solve(fewer, right[1:])
+    assert gain == pytest.approx(right @ np.linalg.solve(gram, right) - alone)
+    assert likelihood.amount(weight, residual + 2.5 * column, column)[0] == pytest.approx(
         expected + 2.5
     )
-    assert likelihood.amount(weight, residual, np.zeros_like(column)) == 0.0
+    assert likelihood.amount(weight, residual, np.zeros_like(column)) == (0.0, 0.0)
 
 
 def test_the_information_is_the_gram_with_the_prior(weighted: tuple[Bands, Any, Any]) -> None:
@@ -221,3 +227,7 @@ def test_the_information_is_the_gram_with_the_prior(weighted: tuple[Bands, Any, 
     both = [*columns, *regressors]
     expected = gram_by_hand(bands, weight, both, both) + np.diag([0.0, 0.0, 0.0, 1.0, 1.0])
     assert Likelihood(bands, regressors).information(weight, columns) == pytest.approx(expected)
+
+
+def test_chance_is_a_rare_likelihood_ratio_widened() -> None:
+    assert chance(5, 8, 1e-3) == pytest.approx(1.5 * chi2.isf(1e-3 / 8, 5))

@@ -1,0 +1,173 @@
+"""The best shares of some regressors where every band's covariance is whatever they leave.
+
+With S_b the covariance of band b, f = -2 sum of n_b log det S_b - s^T s is climbed over the shares s.
+For fixed covariances the best shares are those of least squares; but what they take out of a band
+lowers its covariance, which makes the band tell more. Going from one to the other in turn climbs always
+and may creep, for the shares of what is hardly told; so each step is one of Newton's, with the curvature
+of the log det, held back where no maximum lies ahead (Levenberg 1944; Marquardt 1963).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.compiled import compiled_apart
+
+Complex = NDArray[np.complex128]
+
+MOST_STEPS = 60
+
+LEAST_CURVATURE = 0.02
+"""Of the information's, that a step takes for granted."""
+
+TRUSTED, DISTRUSTED = 0.7, 0.25
+"""Share of the gain that was foretold, above which steps grow and below which they shrink."""
+
+
+@compiled_apart
+def inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
+    """Invert a Hermitian matrix a band in place (Gauss and Jordan, without exchange of rows).
+
+    Args:
+        matrices: positive definite, shape (bands, m, m).
+        counts: weight of each band.
+
+    Returns:
+        Sum over the bands of their weight times log |det|.
+    """
+    total = 0.0
+    for band in range(len(matrices)):
+        a = matrices[band]
+        for p in range(len(a)):
+            pivot = a[p, p].real
+            total += counts[band] * np.log(abs(pivot))
+            a[p, p] = 1.0
+            a[p] /= pivot
+            for i in range(len(a)):
+                if i != p:
+                    share = a[i, p]
+                    a[i, p] = 0.0
+                    a[i] -= share * a[p]
+    return total
+
+
+@compiled_apart
+def _at(
+    own: Complex,
+    crossed: Complex,
+    pairs: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    shares: NDArray[np.float64],
+) -> tuple[float, Complex, Complex]:
+    """The score at some shares, the inverse covariances, and the derivatives of the bands' sums."""
+    k, bands, m, _ = crossed.shape
+    moved = shares @ pairs.reshape(k, k * bands * m * m * 2)
+    half = moved.view(np.complex128).reshape(k, bands, m, m) - crossed
+    slopes = np.empty_like(half)
+    covariance = own.copy()
+    for i in range(k):
+        for b in range(bands):
+            for p in range(m):
+                for q in range(m):
+                    slopes[i, b, p, q] = half[i, b, p, q] + np.conj(half[i, b, q, p])
+                    covariance[b, p, q] += shares[i] * (
+                        half[i, b, p, q] - np.conj(crossed[i, b, q, p])
+                    )
+    for b in range(bands):
+        covariance[b] /= counts[b]
+    determinant = inverted(covariance, counts)
+    return -2.0 * determinant - shares @ shares, covariance, slopes
+
+
+@compiled_apart
+def _steepness(
+    weight: Complex,
+    slopes: Complex,
+    counts: NDArray[np.float64],
+    shares: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Half the derivative of the score, and what the bands' own change takes from its curvature."""
+    k, bands, m, _ = slopes.shape
+    rise, bent = -shares.copy(), np.zeros((k, k))
+    weighed = np.empty((k, m, m), np.complex128)
+    for b in range(bands):
+        for i in range(k):
+            for p in range(m):
+                for q in range(m):
+                    total = 0.0 + 0.0j
+                    for r in range(m):
+                        total += weight[b, p, r] * slopes[i, b, r, q]
+                    weighed[i, p, q] = total
+                rise[i] -= weighed[i, p, p].real
+        for i in range(k):
+            for j in range(i + 1):
+                total = 0.0 + 0.0j
+                for p in range(m):
+                    for q in range(m):
+                        total += weighed[i, p, q] * weighed[j, q, p]
+                bent[i, j] += total.real / counts[b]
+    for i in range(k):
+        for j in range(i):
+            bent[j, i] = bent[i, j]
+    return rise, bent
+
+
+@compiled_apart
+def best_shares(
+    own: Complex,
+    crossed: Complex,
+    pairs: NDArray[np.float64],
+    counts: NDArray[np.float64],
+    start: NDArray[np.float64],
+    tolerance: float,
+) -> tuple[float, NDArray[np.float64], Complex]:
+    """Climb f from some shares on.
+
+    Args:
+        own: sums of the residual's products by band, shape (bands, m, m).
+        crossed: of the residual's with each regressor's, shape (k, bands, m, m).
+        pairs: of the regressors' with each other's, real and imaginary parts side by side, shape
+            (k * k, bands * m * m * 2).
+        counts: weight of each band.
+        start: shares, shape (k,).
+        tolerance: gain in f below which a step is the last.
+
+    Returns:
+        f, the shares, and the inverse covariances, shape (bands, m, m).
+    """
+    k = len(start)
+    shares = start.copy()
+    score, weight, slopes = _at(own, crossed, pairs, counts, shares)
+    held = 0.0
+    for _ in range(MOST_STEPS if np.isfinite(score) else 0):
+        rise, bent = _steepness(weight, slopes, counts, shares)
+        told = 2.0 * (pairs @ weight.reshape(-1).view(np.float64)).reshape(k, k) + np.eye(k)
+        root = np.linalg.cholesky(told)
+        inner = np.linalg.solve(root, bent)
+        bends, axes = np.linalg.eigh(np.linalg.solve(root, inner.T.copy()))
+        along = axes.T @ np.linalg.solve(root, rise)
+        curvature = np.where(bends < 1.0, 1.0 - bends, 0.3 * (bends - 1.0))
+        curvature = np.maximum(curvature, LEAST_CURVATURE)
+        gain = -1.0
+        while True:
+            step = along / (curvature + held)
+            foretold = 2.0 * (along @ step) - np.sum((1.0 - bends) * step**2)
+            trial = shares + np.linalg.solve(root.T.copy(), axes @ step)
+            found, heavier, steeper = _at(own, crossed, pairs, counts, trial)
+            if found > score or not abs(foretold) > 1e-3 * tolerance:
+                break
+            held = max(4.0 * held, 0.3)
+        if found > score:
+            gain = found - score
+            score, shares, weight, slopes = found, trial, heavier, steeper
+        if gain <= 0.0 or (
+            gain < tolerance and held == 0.0
+        ):  # a step that is held back tells nothing
+            break
+        sure = gain / max(abs(foretold), 1e-300)
+        if sure > TRUSTED:
+            held = 0.0 if held < 0.1 else held / 5.0
+        elif sure < DISTRUSTED:
+            held = max(3.0 * held, 0.1)
+    return score, shares, weight

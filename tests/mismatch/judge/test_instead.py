@@ -1,0 +1,67 @@
+"""Names against formulas: the better one is told, and a name that is far behind is refuted."""
+
+from __future__ import annotations
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from shaftline.mismatch import Diagnosis, diagnose
+from shaftline.mismatch.judge.instead import refuted
+from shaftline.plant.terms import Term
+
+from ..search.test_formulas import recorded, rig
+
+
+@functools.cache
+def found(expression: str, size: float, seed: int) -> Diagnosis:
+    term = {"id": "truth", "acts_on": "drive_torque", "expression": expression}
+    ship = rig().with_term(Term.model_validate(term | {"parameters": {"c": size}}))
+    return diagnose(rig(), recorded(ship, seed))
+
+
+def test_friction_that_grows_with_a_force_is_not_viscous_friction() -> None:
+    told = found("-c * side_force * shaft_speed", 1e-5, 5)
+    assert told.verdict == "unexplained"
+    assert told.findings == []
+    assert told.formula is not None
+    assert set(told.formula.signals) == {"side_force", "shaft_speed"}
+    assert told.formula.better_than
+    assert told.corrected.term[0].expression == told.formula.term.expression
+
+
+def test_a_name_that_is_near_stays_and_the_formula_stands_beside_it() -> None:
+    told = found("-c * shaft_speed ** 3", 2e-7, 6)
+    assert told.verdict == "explained"
+    assert [f.effect.id for f in told.findings] == ["quadratic-drag"]
+    assert told.formula is not None
+    assert "shaft_speed" in told.formula.signals  # the propeller's torque is its square
+    assert told.formula.better_than == ("quadratic-drag (motor)",)
+    assert told.formula.ahead > 6.0
+    report: dict[str, Any] = told.to_dict()
+    assert report["formula"]["better_than"] == ["quadratic-drag (motor)"]
+    assert "another form" in told.summary()
+
+
+def test_a_name_that_is_the_truth_has_no_formula_beside_it() -> None:
+    told = found("-c * shaft_speed * abs(shaft_speed)", 8e-6, 7)
+    assert told.verdict == "explained"
+    assert told.findings[0].effect.id == "quadratic-drag"
+    assert told.formula is None
+
+
+@pytest.mark.parametrize(
+    ("gain", "effects", "blocks", "gone"),
+    [(59.0, 1, 1, True), (61.0, 1, 1, False), (61.0, 2, 1, True), (61.0, 2, 2, False)],
+)
+def test_far_behind_or_with_more_names_than_terms_is_refuted(
+    gain: float, effects: int, blocks: int, gone: bool
+) -> None:
+    formula: Any = SimpleNamespace(gain=100.0, blocks=(None,) * blocks)
+    selection: Any = SimpleNamespace(
+        fit=SimpleNamespace(score=gain + 7.0, effects=(None,) * effects)
+    )
+    whiteness: Any = SimpleNamespace(fitter=SimpleNamespace(null=SimpleNamespace(score=7.0)))
+    assert refuted(formula, selection, whiteness) is gone

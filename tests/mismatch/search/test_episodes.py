@@ -1,0 +1,47 @@
+"""Stretches in which an episode of resistance may have been."""
+
+from __future__ import annotations
+
+import pytest
+
+from shaftline.mismatch.search.episodes import MOST_WINDOWS, episodes
+from shaftline.mismatch.search.fitting import Fitter
+
+from ..toy import ROWS, Toy, bands, white
+
+
+def hull(seed: int, share: float, first: int = 150, end: int = 325) -> Fitter:
+    """A resistance that is a share larger between two rows, in noise of 2 % of it."""
+    noise = white(seed, 1.0, 0.02 * 1.5e5)
+    noise[1, first:end] += share * 1.5e5
+    return Fitter(Toy({}, noise), bands())
+
+
+@pytest.mark.parametrize(("first", "end"), [(150, 325), (0, 100), (400, 600)])
+def test_the_stretch_of_an_episode_comes_first(first: int, end: int) -> None:
+    start, stop = episodes(hull(1, 0.03, first, end))[0]
+    assert start == pytest.approx(first, abs=26.0)  # pieces are 25 s long
+    assert stop == pytest.approx(end, abs=26.0)
+
+
+def test_other_stretches_that_stay_are_of_another_place() -> None:
+    found = episodes(hull(2, 0.03))
+    assert 1 <= len(found) <= MOST_WINDOWS
+    for i, (a, b) in enumerate(found):
+        for c, d in found[:i]:
+            shared = max(0.0, min(b, d) - max(a, c))
+            assert shared < 0.6 * (b - a + d - c - shared)
+
+
+def test_noise_alone_has_few_stretches_and_what_lasts_throughout_is_none() -> None:
+    counts = [len(episodes(hull(seed, 0.0))) for seed in range(10, 20)]
+    assert sum(counts) <= 10
+    for a, b in episodes(hull(3, 0.03, 0, ROWS)):
+        assert (a, b) != (0.0, float(ROWS))
+
+
+def test_without_a_speed_log_there_is_none() -> None:
+    fitter = hull(1, 0.03)
+    toy = fitter.balances
+    toy.names = ("engine", "thrust")  # type: ignore[misc]
+    assert episodes(fitter) == []
