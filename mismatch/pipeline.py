@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from ..plant.ship import Ship
 from .diagnosis import Diagnosis
 from .judge.confirmation import confirmed, only, with_rivals
-from .judge.correction import FreeRunning, corrected_ship
+from .judge.correction import FreeRunning, corrected_ship, followed
 from .judge.findings import Finding, detectable_effects, findings_of, shown_in
 from .judge.fit import fits
 from .judge.held_out import HeldOut, Segments
@@ -44,7 +44,6 @@ from .options import Options
 from .progress import Tick, silent
 from .recordings.joint import JointRecordings, Recorded, load_jointly
 from .search.catalogue import applicable
-from .search.episodes import episodes
 from .search.fitting import Fitter
 from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
@@ -127,8 +126,7 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
             ship = nearer
         while True:
             whiteness, held = settings.best.whiteness, settings.best.held
-            windows = episodes(whiteness.fitter)
-            selector = Selector(whiteness.fitter, effects, windows, tick)
+            selector = Selector(whiteness.fitter, effects, tick)
             selection = selector.search()
             if not settings.corrected(selection):
                 break
@@ -262,10 +260,9 @@ def _verdict(
         share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
         chosen = with_rivals(chosen, fitter, share)
         gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
-        if not sure and not any(placed.window for placed in chosen.fit.effects):
-            # all of the truth, it would be followed on data set aside, run freely
+        if chosen.fit.effects and not sure and judge.hears(chosen.fit):
             ships = numbers.candidates(chosen.fit, judge, judge.rows)
-            if chosen.fit.effects and corrected_ship(ship, ships, judge, free)[0] == ship:
+            if not followed(ship, ships, judge, free):
                 gain = -math.inf
         return chosen, verdict_of(chosen, whiteness, gain, replay.excited, sure)
 

@@ -8,9 +8,13 @@ from dataclasses import replace
 from ..search.fitting import Fit, Fitter
 from ..search.selection import NEAR_SHARE, TELL_APART, Candidate, Selection
 
-REMNANT_SHARE, ELSEWHERE_SHARE = 0.15, 0.08
-"""A later effect must bring this share of a stronger one's gain, in the same balance or one that it may
-be taken for, and elsewhere: less is what the stronger one's form, never quite the truth's, leaves."""
+REMNANT_SHARE, ELSEWHERE_SHARE, REMOTE_SHARE = 0.15, 0.08, 0.02
+"""A later effect must bring this share of a stronger one's gain: in the same balance or one that it may
+be taken for, elsewhere, and where the propeller lies between them. Less is what the stronger one's form,
+never quite the truth's, leaves."""
+
+DRIVE, WATER = {"engine", "motor", "pitch-actuator"}, {"hull"}
+"""Balances on either side of the propeller."""
 
 
 def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float]) -> Selection:
@@ -59,7 +63,11 @@ def _share(fit: Fit, later: int, other: int) -> float:
     """Of the other's gain that a later effect must bring."""
     one, two = fit.effects[later].effect, fit.effects[other].effect
     alike = one.balance == two.balance or one.id in two.confused_with or two.id in one.confused_with
-    return REMNANT_SHARE if alike else ELSEWHERE_SHARE
+    if alike:
+        return REMNANT_SHARE
+    sides = ({one.balance}, {two.balance})
+    apart = any(a <= DRIVE and b <= WATER for a, b in (sides, sides[::-1]))
+    return REMOTE_SHARE if apart else ELSEWHERE_SHARE
 
 
 def _refitted(fitter: Fitter, fit: Fit, which: list[int]) -> Fit:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...plant.ship import Ship
+from ..search.selection import TELL_APART
 from ..simulate.joint_replay import JointReplay
 
 WORSE = 0.02
@@ -62,13 +63,38 @@ def corrected_ship(
         The ship, or the nominal one; what it gains in 2 log L; and the channels in which the first
         candidate was worse.
     """
-    before, start = free.errors(nominal), judge(nominal.record())
     spoilt: list[str] = []
-    for k, ship in enumerate(candidates):
-        gain = judge(ship.record()) - start
-        worse = free.worse(free.errors(ship), before)
+    for k, (ship, gain, worse) in enumerate(_compared(nominal, candidates, judge, free)):
         if k == 0:
             spoilt = worse
         if gain > 0.0 and not worse:
             return ship, gain, spoilt
     return nominal, 0.0, spoilt
+
+
+def followed(
+    nominal: Ship, candidates: Iterable[Ship], judge: Callable[[Any], float], free: FreeRunning
+) -> bool:
+    """Whether one of some ships is not clearly less likely than the nominal one, nor worse in a channel.
+
+    All of what is missing would be; what acts now and then need not gain on data set aside.
+
+    Args:
+        nominal: the ship as the diagnosis began.
+        candidates: corrected ships.
+        judge: 2 log L of a ship's record on data set aside.
+        free: runs them freely there.
+    """
+    return any(
+        gain > -TELL_APART and not worse
+        for _, gain, worse in _compared(nominal, candidates, judge, free)
+    )
+
+
+def _compared(
+    nominal: Ship, ships: Iterable[Ship], judge: Callable[[Any], float], free: FreeRunning
+) -> Iterator[tuple[Ship, float, list[str]]]:
+    """Each ship with its gain in 2 log L and the channels in which it runs worse."""
+    before, start = free.errors(nominal), judge(nominal.record())
+    for ship in ships:
+        yield ship, judge(ship.record()) - start, free.worse(free.errors(ship), before)

@@ -17,6 +17,9 @@ from .shapes import best_shapes
 from .verdict import Verdict
 from .whiteness import Whiteness
 
+SENSOR = "sensor"
+"""Where an instrument errs, which shows in any balance."""
+
 REFUTED = 0.6
 """Share of a formula's gain below which names that it does better than are not near the truth either."""
 
@@ -50,10 +53,13 @@ def formula_instead(
 def refuted(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
     """Whether a formula does so much better than names that these are not near the truth.
 
-    Or better with less: one piece of physics instead of several.
+    Or better with less, one piece of physics instead of several; or in another balance than all of them.
     """
-    several = len(selection.fit.effects) > len(formula.blocks)
-    return several or _gain(selection, whiteness) < REFUTED * formula.gain
+    effects = [placed.effect for placed in selection.fit.effects]
+    several = len(effects) > len(formula.blocks)
+    balances = {effect.balance for effect in effects}
+    elsewhere = SENSOR not in balances and formula.balance not in balances
+    return several or elsewhere or _gain(selection, whiteness) < REFUTED * formula.gain
 
 
 def _gain(selection: Selection, whiteness: Whiteness) -> float:

@@ -6,11 +6,14 @@ import itertools
 
 import numpy as np
 
-from .fitting import Fitter
+from .fitting import Fit, Fitter
 from .placed import Window
 
 PIECES = 24
 """Equal pieces of a recording; a stretch begins and ends between two of them."""
+
+STRETCHES = PIECES * (PIECES + 1) // 2 - 1
+"""That are scanned: all but the whole."""
 
 MOST_WINDOWS = 4
 ALIKE = 0.6
@@ -20,14 +23,15 @@ LEAST_GAIN = 9.0
 """In 2 log L, below which a stretch is not tried: chance reaches it."""
 
 
-def episodes(fitter: Fitter) -> list[Window]:
+def episodes(fitter: Fitter, fit: Fit) -> list[Window]:
     """The stretches [s] in which the hull lacks a share of its resistance most clearly, best first.
 
-    All stretches of :data:`PIECES` by generalised least squares: a change of the resistance shows in the
-    hull's balance alone, as much of it as there is.
+    All stretches of :data:`PIECES`, by generalised least squares: a change of the resistance shows in
+    the hull's balance alone, as much of it as there is.
 
     Args:
         fitter: of one recording; of several, or without a speed log, nothing is told.
+        fit: what is known to be missing beside.
     """
     balances, bands = fitter.balances, fitter.bands
     replay, names = balances.replay, balances.names
@@ -37,7 +41,6 @@ def episodes(fitter: Fitter) -> list[Window]:
     pieces = np.zeros((PIECES, len(names), replay.rows))
     for piece, (a, b) in zip(pieces, itertools.pairwise(edges), strict=True):
         piece[names.index("hull"), a:b] = balances.nominal_samples["resistance"][a:b]
-    fit = fitter.null
     columns = np.concatenate([bands.transform(pieces), fit.difference[None]])
     information = fitter.likelihood.information(fit.weight, columns)
     count = len(columns)

@@ -10,9 +10,10 @@ import numpy as np
 
 from ..progress import Tick
 from .catalogue import Effect
+from .episodes import STRETCHES, episodes
 from .fitting import Fit, Fitter
 from .placed import Placed, Window
-from .spectra import Complex, chance
+from .spectra import Complex, Likelihood, chance
 
 MOST_EFFECTS = 3
 REFINED, FORMS = 5, 2
@@ -24,6 +25,9 @@ RISK = 0.01
 HOPE, AGAIN = 0.3, 0.1
 """Shares of its threshold, and of the best gain, that an effect must reach by a straight line through
 what its probes moved alone, to be tried on top of others; and of its threshold there, to be refined."""
+
+FREE = 10.0
+"""Times its value by which a value of the others may give way beside one that is tried."""
 
 NEAR_GAIN = 0.25
 """Share of the best gain that is worth refining."""
@@ -74,30 +78,30 @@ class Selector:
     Args:
         fitter: of the recording.
         effects: candidates.
-        windows: in which an effect that acts for a time may do so [s].
         tick: told the stage, how much is done, and how much there is.
     """
 
-    def __init__(
-        self, fitter: Fitter, effects: list[Effect], windows: list[Window], tick: Tick
-    ) -> None:
+    def __init__(self, fitter: Fitter, effects: list[Effect], tick: Tick) -> None:
         self.fitter = fitter
         self.effects = effects
-        self.windows = windows
+        self.windows: list[Window] = []  # in which an effect that acts for a time may do so [s]
         self.tick = tick
         self._moved: dict[str, list[Complex]] = {}
 
     def threshold(self, effect: Effect) -> float:
-        """Gain that an effect must pass; its window counts as two parameters."""
+        """Gain that an effect must pass; a window is two parameters more, of all that were scanned."""
         count = len(effect.parameters) + 2 * effect.windowed
-        return chance(count, max(len(self.effects), 1), RISK)
+        tried = len(self.effects) + STRETCHES * effect.windowed
+        return chance(count, tried, RISK)
 
     def screen(self, base: Fit, stage: str) -> list[Candidate]:
         """Effects at the best of their probes on top of a model, best first.
 
         All of them on top of none; then those that what their probes moved there gives a chance.
         """
-        pending = self._promising(base) if base.effects else self.effects
+        self.windows = episodes(self.fitter, base)
+        foretold = self._foretold(base) if base.effects else {}
+        pending = [e for e in self.effects if not base.effects or e.label in foretold]
         found = []
         for done, effect in enumerate(pending):
             self.tick(stage, done, len(pending))
@@ -110,6 +114,8 @@ class Selector:
                     best = fit
             if not base.effects:
                 self._alone(effect)  # while what it asks for is remembered
+            elif best is not None and best.score - base.score < foretold[effect.label] - TELL_APART:
+                best = self.fitter.polished(best)  # the others must give way first
             if best is not None and math.isfinite(best.score):
                 found.append(Candidate(effect, best, best.score - base.score))
         self.tick(stage, len(pending), len(pending))
@@ -117,7 +123,7 @@ class Selector:
 
     def _alone(self, effect: Effect) -> list[Complex]:
         """What an effect's smallest probes move where nothing else is missing."""
-        if effect.label not in self._moved:
+        if effect.label not in self._moved or effect.windowed:
             trial_ship, predicted = self.fitter.trial_ship, self.fitter.predicted
             nothing = predicted(trial_ship.nominal)
             trials = trial_ship.smallest(effect, self.windows)
@@ -127,23 +133,26 @@ class Selector:
             ]
         return self._moved[effect.label]
 
-    def _promising(self, base: Fit) -> list[Effect]:
-        """Effects of other kinds than a model has that may gain on top of it.
+    def _foretold(self, base: Fit) -> dict[str, float]:
+        """Gains of effects of other kinds than a model has, by label, of those that have a chance on it.
 
-        What an effect moved alone is taken to be what it moves there, at any size.
+        What an effect moved alone is taken to be what it moves there, at any size, and the values of the
+        model's own effects may give way.
         """
+        fitter = self.fitter
+        values = [abs(v) for placed in base.effects for v in placed.values]
+        own = FREE * np.reshape(values, (-1, 1, 1)) * fitter.sensitivities(base)[1]
+        beside = Likelihood(fitter.bands, np.concatenate([own, fitter.nuisance]))
         taken = {placed.effect.kind for placed in base.effects}
-        pending = [e for e in self.effects if e.kind not in taken]
-        amount = self.fitter.likelihood.amount
-        gains = [
-            max((amount(base.weight, base.difference, m)[1] for m in self._alone(e)), default=0.0)
-            for e in pending
-        ]
-        least = AGAIN * max(gains, default=0.0)
-        return [
-            e for e, gain in zip(pending, gains, strict=True)
-            if gain > max(least, HOPE * self.threshold(e))
-        ]  # fmt: skip
+        found: dict[str, float] = {}
+        limits = {}
+        for effect in (e for e in self.effects if e.kind not in taken):
+            moved = self._alone(effect)
+            gains = [beside.amount(base.weight, base.difference, m)[1] for m in moved]
+            found[effect.label] = max(gains, default=0.0)
+            limits[effect.label] = HOPE * self.threshold(effect)
+        least = AGAIN * max(found.values(), default=0.0)
+        return {label: gain for label, gain in found.items() if gain > max(least, limits[label])}
 
     def _worth(self, screened: list[Candidate]) -> list[Candidate]:
         """The best of a screen: some pieces of physics, the best forms of each."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from shaftline.mismatch.search.episodes import MOST_WINDOWS, episodes
@@ -14,7 +16,8 @@ def hull(seed: int, share: float, first: int = 150, end: int = 325) -> Fitter:
     """A resistance that is a share larger between two rows, in noise of 2 % of it."""
     noise = white(seed, 1.0, 0.02 * 1.5e5)
     noise[1, first:end] += share * 1.5e5
-    return Fitter(Toy({}, noise), bands())
+    toy: Any = Toy({}, noise)
+    return Fitter(toy, bands())
 
 
 @pytest.mark.parametrize(("first", "end"), [(150, 325), (0, 100), (400, 600)])
@@ -42,6 +45,5 @@ def test_noise_alone_has_few_stretches_and_what_lasts_throughout_is_none() -> No
 
 def test_without_a_speed_log_there_is_none() -> None:
     fitter = hull(1, 0.03)
-    toy = fitter.balances
-    toy.names = ("engine", "thrust")  # type: ignore[misc]
+    fitter.balances.names = ["engine", "thrust"]
     assert episodes(fitter) == []

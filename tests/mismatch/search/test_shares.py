@@ -49,8 +49,12 @@ def test_the_climb_arrives_where_the_best_shares_are(seed: int) -> None:
     own, crossed, pairs, counts = sums(seed, 9, 0.3)
     flat = pairs.reshape(4, -1).view(np.float64)
     score, shares, weight = best_shares(own, crossed, flat, counts, np.zeros(2), 0.01)
+
+    def lost(trial: Any) -> float:
+        return -by_hand(own, crossed, pairs, counts, trial)
+
     best = minimize(
-        lambda s: -by_hand(own, crossed, pairs, counts, s),
+        lost,
         np.array([2.5, -1.5]), method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-10},
     )  # fmt: skip
     assert score == pytest.approx(-best.fun, abs=0.02)
@@ -66,7 +70,7 @@ def test_the_climb_arrives_where_the_best_shares_are(seed: int) -> None:
 def test_inverses_and_determinants_are_those_of_every_band() -> None:
     rng = np.random.default_rng(1)
     loose = rng.standard_normal((3, 2, 2)) + 1j * rng.standard_normal((3, 2, 2))
-    matrices = loose @ np.conj(np.swapaxes(loose, 1, 2)) + np.eye(2)
+    matrices: Any = loose @ np.conj(np.swapaxes(loose, 1, 2)) + np.eye(2)
     counts = np.array([1.0, 2.0, 5.0])
     found = matrices.copy()
     total = inverted(found, counts)
