@@ -38,11 +38,13 @@ def episodes(fitter: Fitter, fit: Fit) -> list[Window]:
     if "hull" not in names or len(replay.segments) > 1:
         return []
     edges = np.linspace(0, replay.rows, PIECES + 1).astype(int)
-    pieces = np.zeros((PIECES, len(names), replay.rows))
-    for piece, (a, b) in zip(pieces, itertools.pairwise(edges), strict=True):
+    columns = []
+    for a, b in itertools.pairwise(edges):
+        piece = np.zeros((len(names), replay.rows))
         piece[names.index("hull"), a:b] = balances.nominal_samples["resistance"][a:b]
-    columns = np.concatenate([bands.transform(pieces), fit.difference[None]])
-    information = fitter.likelihood.information(fit.weight, columns)
+        columns.append(bands.transform(piece))
+    columns.append(fit.difference)
+    information = fitter.likelihood.information(fit.weight, np.array(columns))
     count = len(columns)
     across, regressors = information[:count, count:], information[count:, count:]
     own = information[:count, :count] - across @ np.linalg.solve(regressors, across.T)

@@ -72,6 +72,13 @@ class Selection:
     ranking: tuple[Candidate, ...]
 
 
+def giving_way(fitter: Fitter, fit: Fit) -> Likelihood:
+    """A likelihood in which the values of a model's effects are free as well, by straight lines."""
+    values = [abs(v) for placed in fit.effects for v in placed.values]
+    own = FREE * np.reshape(values, (-1, 1, 1)) * fitter.sensitivities(fit)[1]
+    return Likelihood(fitter.bands, np.concatenate([own, fitter.nuisance]))
+
+
 class Selector:
     """Searches the catalogue.
 
@@ -114,10 +121,11 @@ class Selector:
                     best = fit
             if not base.effects:
                 self._alone(effect)  # while what it asks for is remembered
-            elif best is not None and best.score - base.score < foretold[effect.label] - TELL_APART:
+            if best is None or not math.isfinite(best.score):
+                continue
+            if base.effects and best.score - base.score < foretold[effect.label] - TELL_APART:
                 best = self.fitter.polished(best)  # the others must give way first
-            if best is not None and math.isfinite(best.score):
-                found.append(Candidate(effect, best, best.score - base.score))
+            found.append(Candidate(effect, best, best.score - base.score))
         self.tick(stage, len(pending), len(pending))
         return sorted(found, key=self._merit, reverse=True)
 
@@ -139,10 +147,7 @@ class Selector:
         What an effect moved alone is taken to be what it moves there, at any size, and the values of the
         model's own effects may give way.
         """
-        fitter = self.fitter
-        values = [abs(v) for placed in base.effects for v in placed.values]
-        own = FREE * np.reshape(values, (-1, 1, 1)) * fitter.sensitivities(base)[1]
-        beside = Likelihood(fitter.bands, np.concatenate([own, fitter.nuisance]))
+        beside = giving_way(self.fitter, base)
         taken = {placed.effect.kind for placed in base.effects}
         found: dict[str, float] = {}
         limits = {}

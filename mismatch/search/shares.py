@@ -165,7 +165,7 @@ def best_shares(
             gain < tolerance and held == 0.0
         ):  # a step that is held back tells nothing
             break
-        sure = gain / max(abs(foretold), 1e-300)
+        sure = gain / abs(foretold)
         if sure > TRUSTED:
             held = 0.0 if held < 0.1 else held / 5.0
         elif sure < DISTRUSTED:

@@ -194,8 +194,8 @@ def _conclusions(table: pd.DataFrame, found: dict[str, list[Split]], runs: Runs)
             "- **The constants leave out a loss.** From them alone the error on unseen sine and ramp "
             f"falls to {low:.2f} to {high:.2f} of what it was (target 0.15), on the steps to "
             f"{steps[0]:.2f} to {steps[1]:.2f}, where the guessed signs are. As a voltage taken from "
-            f"every command the loss is {', '.join(_voltage(d) for d in named)}; the owners' own figure, "
-            "which the tool was not shown, is 0.83 V astern and 0.86 V ahead.",
+            f"every command the loss is {', '.join(_voltage(d) for d in named)}; the owners' own "
+            "figure, which the tool was not shown, is 0.83 V astern and 0.86 V ahead.",
             _dead_zone_or_friction(named),
         ]
     lines += [

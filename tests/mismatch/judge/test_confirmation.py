@@ -10,6 +10,7 @@ import pytest
 from shaftline.mismatch.judge.confirmation import (
     ELSEWHERE_SHARE,
     REMNANT_SHARE,
+    REMOTE_SHARE,
     confirmed,
     with_rivals,
 )
@@ -21,6 +22,7 @@ from ..toy import entry
 LAG = entry("engine-torque-lag (engine)")
 DERATING = entry("engine-derating (engine)")
 FOULING = entry("hull-fouling (hull)")
+ROUGH = entry("propeller-roughness (propeller)")
 
 
 class Fitter:
@@ -145,8 +147,9 @@ def test_a_rival_is_refuted_by_more_than_the_form_s_error(
 
 
 def test_a_name_elsewhere_needs_a_smaller_share_than_one_beside() -> None:
-    """Torque lag and derating are the engine's; fouling is the hull's."""
-    for other, share in ((DERATING, REMNANT_SHARE), (FOULING, ELSEWHERE_SHARE)):
+    """Torque lag and derating are the engine's; roughness is the propeller's, fouling beyond it."""
+    others = ((DERATING, REMNANT_SHARE), (ROUGH, ELSEWHERE_SHARE), (FOULING, REMOTE_SHARE))
+    for other, share in others:
         for part, expected in ((1.01, 2), (0.99, 1)):
             selection = chosen(LAG, other, gains=(1000.0, 1000.0 * share * part))
             assert len(ids(kept(selection))) == expected

@@ -53,15 +53,21 @@ def test_a_name_that_is_the_truth_has_no_formula_beside_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gain", "effects", "blocks", "gone"),
-    [(59.0, 1, 1, True), (61.0, 1, 1, False), (61.0, 2, 1, True), (61.0, 2, 2, False)],
+    ("gain", "names", "blocks", "gone"),
+    [
+        (59.0, ("motor",), 1, True),
+        (61.0, ("motor",), 1, False),
+        (61.0, ("motor", "motor"), 1, True),
+        (61.0, ("motor", "propeller"), 2, False),
+        (99.0, ("propeller",), 1, True),
+        (99.0, ("sensor",), 1, False),  # an instrument's error shows anywhere
+    ],
 )
-def test_far_behind_or_with_more_names_than_terms_is_refuted(
-    gain: float, effects: int, blocks: int, gone: bool
+def test_far_behind_or_with_more_or_elsewhere_names_are_refuted(
+    gain: float, names: tuple[str, ...], blocks: int, gone: bool
 ) -> None:
-    formula: Any = SimpleNamespace(gain=100.0, blocks=(None,) * blocks)
-    selection: Any = SimpleNamespace(
-        fit=SimpleNamespace(score=gain + 7.0, effects=(None,) * effects)
-    )
+    formula: Any = SimpleNamespace(gain=100.0, blocks=(None,) * blocks, balance="motor")
+    effects = tuple(SimpleNamespace(effect=SimpleNamespace(balance=name)) for name in names)
+    selection: Any = SimpleNamespace(fit=SimpleNamespace(score=gain + 7.0, effects=effects))
     whiteness: Any = SimpleNamespace(fitter=SimpleNamespace(null=SimpleNamespace(score=7.0)))
     assert refuted(formula, selection, whiteness) is gone

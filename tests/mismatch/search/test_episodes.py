@@ -8,8 +8,9 @@ import pytest
 
 from shaftline.mismatch.search.episodes import MOST_WINDOWS, episodes
 from shaftline.mismatch.search.fitting import Fitter
+from shaftline.mismatch.search.placed import Placed, Window
 
-from ..toy import ROWS, Toy, bands, white
+from ..toy import FOULING, ROWS, Toy, bands, entry, white
 
 
 def hull(seed: int, share: float, first: int = 150, end: int = 325) -> Fitter:
@@ -20,15 +21,19 @@ def hull(seed: int, share: float, first: int = 150, end: int = 325) -> Fitter:
     return Fitter(toy, bands())
 
 
+def stretches(fitter: Fitter) -> list[Window]:
+    return episodes(fitter, fitter.null)
+
+
 @pytest.mark.parametrize(("first", "end"), [(150, 325), (0, 100), (400, 600)])
 def test_the_stretch_of_an_episode_comes_first(first: int, end: int) -> None:
-    start, stop = episodes(hull(1, 0.03, first, end))[0]
+    start, stop = stretches(hull(1, 0.03, first, end))[0]
     assert start == pytest.approx(first, abs=26.0)  # pieces are 25 s long
     assert stop == pytest.approx(end, abs=26.0)
 
 
 def test_other_stretches_that_stay_are_of_another_place() -> None:
-    found = episodes(hull(2, 0.03))
+    found = stretches(hull(2, 0.03))
     assert 1 <= len(found) <= MOST_WINDOWS
     for i, (a, b) in enumerate(found):
         for c, d in found[:i]:
@@ -37,13 +42,24 @@ def test_other_stretches_that_stay_are_of_another_place() -> None:
 
 
 def test_noise_alone_has_few_stretches_and_what_lasts_throughout_is_none() -> None:
-    counts = [len(episodes(hull(seed, 0.0))) for seed in range(10, 20)]
+    counts = [len(stretches(hull(seed, 0.0))) for seed in range(10, 20)]
     assert sum(counts) <= 10
-    for a, b in episodes(hull(3, 0.03, 0, ROWS)):
+    for a, b in stretches(hull(3, 0.03, 0, ROWS)):
         assert (a, b) != (0.0, float(ROWS))
+
+
+def test_what_is_known_to_be_missing_hides_no_episode() -> None:
+    """Fouling over the whole voyage, and a tow: the tow stands out beside the fouling alone."""
+    noise = white(4, 1.0, 20.0)
+    noise[1, 400:500] += 50.0
+    toy: Any = Toy({FOULING: 2.0}, noise)
+    fitter = Fitter(toy, bands())
+    known = fitter.refined(fitter.fitted((Placed(entry("hull-fouling (hull)"), (1.5,)),)), 0)
+    start, stop = episodes(fitter, known)[0]
+    assert (start, stop) == pytest.approx((400.0, 500.0), abs=26.0)
 
 
 def test_without_a_speed_log_there_is_none() -> None:
     fitter = hull(1, 0.03)
     fitter.balances.names = ["engine", "thrust"]
-    assert episodes(fitter) == []
+    assert stretches(fitter) == []

@@ -36,8 +36,6 @@ class Scores:
         self.trial_ship = SimpleNamespace(
             trials=self._trials, smallest=self._smallest, record=lambda effects: effects, nominal=()
         )
-        # what a probe of 1 moves tells what one of 2 is worth
-        self.likelihood = SimpleNamespace(amount=lambda *told: (2.0, 2.0 * told[-1].real[0]))
         self.null = self.fitted(())
         self.refined_labels: list[str] = []
         self.jointly: list[tuple[str, ...]] = []
@@ -92,14 +90,25 @@ class Scores:
         return fit
 
 
+@pytest.fixture(autouse=True)
+def straight_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a probe of 1 moves tells what one of 2 is worth, and there are no episodes."""
+    line = SimpleNamespace(amount=lambda *told: (2.0, 2.0 * told[-1].real[0]))
+    there = "shaftline.mismatch.search.selection"
+    monkeypatch.setattr(f"{there}.giving_way", lambda fitter, fit: line)
+    monkeypatch.setattr(f"{there}.episodes", lambda fitter, fit: [(0.0, 9.0)])
+
+
 def selector(scores: Scores, *effects: Effect) -> Selector:
-    return Selector(scores, list(effects), [], lambda *_: None)  # type: ignore[arg-type]
+    return Selector(scores, list(effects), lambda *_: None)  # type: ignore[arg-type]
 
 
 def test_the_threshold_is_what_chance_reaches_once_in_a_hundred() -> None:
     search = selector(Scores({}), LAG, EPISODE, BEND)
-    for effect, freedom in ((LAG, 1), (BEND, 2), (EPISODE, 3)):  # a window counts as two parameters
+    for effect, freedom in ((LAG, 1), (BEND, 2)):
         assert search.threshold(effect) == pytest.approx(1.5 * chi2.isf(0.01 / 3.0, freedom))
+    # a window is two parameters more, and 299 stretches were scanned for it
+    assert search.threshold(EPISODE) == pytest.approx(1.5 * chi2.isf(0.01 / 302.0, 3))
 
 
 def test_a_screen_ranks_by_what_exceeds_the_threshold() -> None:
@@ -133,6 +142,19 @@ def test_on_top_of_others_only_what_may_gain_is_tried(second: float, tried: list
         poor = Scores({LAG.label: 400.0, FOULING.label: gain})
         found = selector(poor, LAG, FOULING).screen(base, "")
         assert [c.effect for c in found] == names
+
+
+def test_beside_others_that_must_give_way_an_effect_is_polished_before_it_is_judged() -> None:
+    scores = Scores({LAG.label: 400.0, FOULING.label: 60.0, (LAG.label, FOULING.label): 405.0})
+    polished = []
+    scores.polished = lambda fit: polished.append(fit) or fit  # type: ignore[method-assign,func-returns-value]
+    base: Any = scores.fitted((Placed(LAG, (2.0,)),))
+    selector(scores, LAG, FOULING).screen(base, "")
+    assert [f.effects[-1].effect for f in polished] == [FOULING]  # 5 where 60 was foretold
+    polished.clear()
+    scores.worth[frozenset((LAG.label, FOULING.label))] = 455.0
+    selector(scores, LAG, FOULING).screen(base, "")
+    assert polished == []
 
 
 def test_a_screen_tries_the_size_that_the_smallest_probe_points_to() -> None:
