@@ -77,7 +77,7 @@ def _at(
     for b in range(bands):
         covariance[b] /= counts[b]
     determinant = inverted(covariance, counts)
-    return -2.0 * determinant - shares @ shares, covariance, slopes
+    return -2.0 * determinant - float(np.sum(shares**2)), covariance, slopes
 
 
 @compiled_apart
