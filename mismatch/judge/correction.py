@@ -75,7 +75,7 @@ def corrected_ship(
 def followed(
     nominal: Ship, candidates: Iterable[Ship], judge: Callable[[Any], float], free: FreeRunning
 ) -> bool:
-    """Whether one of some ships is not clearly less likely than the nominal one, nor worse in a channel.
+    """Whether one of some ships is likelier than the nominal one, or as likely and worse in no channel.
 
     All of what is missing would be; what acts now and then need not gain on data set aside.
 
@@ -86,7 +86,7 @@ def followed(
         free: runs them freely there.
     """
     return any(
-        gain > -TELL_APART and not worse
+        gain > TELL_APART or (gain > -TELL_APART and not worse)
         for _, gain, worse in _compared(nominal, candidates, judge, free)
     )
 

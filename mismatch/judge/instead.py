@@ -20,6 +20,9 @@ from .whiteness import Whiteness
 SENSOR = "sensor"
 """Where an instrument errs, which shows in any balance."""
 
+NOT_INSTEAD = 0.1
+"""Share of their gain that names may still bring on top of a formula that stands in their place."""
+
 REFUTED = 0.6
 """Share of a formula's gain below which names that it does better than are not near the truth either."""
 
@@ -45,7 +48,7 @@ def formula_instead(
     held = judge(record(fit.effects)) - judge(record(()))
     ahead = formula.gain - formula.threshold - _gain(selection, whiteness)
     ahead += sum(selection.thresholds)
-    if ahead <= TELL_APART or formula.held_out <= held:
+    if ahead <= TELL_APART or formula.held_out <= held or _beside(formula, selection, whiteness):
         return None
     return replace(formula, better_than=tuple(p.effect.label for p in fit.effects), ahead=ahead)
 
@@ -60,6 +63,16 @@ def refuted(formula: Formula, selection: Selection, whiteness: Whiteness) -> boo
     balances = {effect.balance for effect in effects}
     elsewhere = SENSOR not in balances and formula.balance not in balances
     return several or elsewhere or _gain(selection, whiteness) < REFUTED * formula.gain
+
+
+def _beside(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
+    """Whether names still gain on top of a formula: it then tells of something else."""
+    fitter, effects = whiteness.fitter, selection.fit.effects
+    alone, both = (
+        fitter.scored(ship.with_term(formula.term).record()).score
+        for ship in (fitter.trial_ship.ship, fitter.trial_ship.corrected(effects))
+    )
+    return both - alone > NOT_INSTEAD * _gain(selection, whiteness)
 
 
 def _gain(selection: Selection, whiteness: Whiteness) -> float:
