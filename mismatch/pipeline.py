@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from ..plant.ship import Ship
 from .diagnosis import Diagnosis
-from .judge.confirmation import confirmed, only, with_rivals
+from .judge.confirmation import confirmed, only, settled_edges, with_rivals
 from .judge.correction import FreeRunning, corrected_ship, followed
 from .judge.findings import Finding, detectable_effects, findings_of, shown_in
 from .judge.fit import fits
@@ -152,6 +152,7 @@ def _judged(
     measured = replay.recorded
     lacking = balances.lacking(balances.nominal)  # with the free numbers where they are
     judge = HeldOut(fitter, held)
+    selection = settled_edges(selection, fitter, held, judge.score)
     selection = confirmed(selection, fitter, judge.score)
     free = FreeRunning(replay, judge.rows)
     selection, verdict = _verdict(selection, fitter, whiteness, judge, numbers, free)

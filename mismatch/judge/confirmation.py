@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ..search.fitting import Fit, Fitter
-from ..search.selection import NEAR_SHARE, TELL_APART, Candidate, Selection
+from ..search.selection import (
+    NEAR_SHARE,
+    TELL_APART,
+    Candidate,
+    Selection,
+    confusable,
+    threshold,
+)
 
 REMNANT_SHARE, ELSEWHERE_SHARE, REMOTE_SHARE = 0.15, 0.08, 0.02
 """A later effect must bring this share of a stronger one's gain: in the same balance or one that it may
 be taken for, elsewhere, and where the propeller lies between them. Less is what the stronger one's form,
 never quite the truth's, leaves."""
+
+EDGES = 9
+"""Times in a stretch set aside at which an episode that begins or ends in it is tried."""
 
 DRIVE, WATER = {"engine", "motor", "pitch-actuator"}, {"hull"}
 """Balances on either side of the propeller."""
@@ -43,6 +55,40 @@ def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float
     return only(selection, fitter, keep)
 
 
+def settled_edges(
+    selection: Selection,
+    fitter: Fitter,
+    held: Sequence[tuple[int, int]],
+    judge: Callable[[Fit], float],
+) -> Selection:
+    """The selection with the edges of episodes that lie in data set aside where these have them.
+
+    Nothing that was fitted tells where in such a stretch an episode begins or ends.
+
+    Args:
+        selection: what was chosen.
+        fitter: of the part that was fitted.
+        held: first row of each stretch that is set aside, and one past its last.
+        judge: 2 log L of a model on the data set aside.
+    """
+    fit, interval = selection.fit, fitter.balances.replay.interval_s
+    for i, placed in enumerate(fit.effects):
+        for edge in range(2 if placed.window is not None else 0):
+            for a, b in held:
+                at = fit.effects[i].window
+                if at is None or not a * interval < at[edge] < b * interval:
+                    continue
+                tried = [fit]
+                for time in interval * np.linspace(a, b, EDGES):
+                    ends = (float(time), at[1]) if edge == 0 else (at[0], float(time))
+                    if ends[0] < ends[1]:
+                        moved = replace(fit.effects[i], window=ends)
+                        effects = (*fit.effects[:i], moved, *fit.effects[i + 1 :])
+                        tried.append(fitter.fitted(effects))
+                fit = max(tried, key=judge)
+    return replace(selection, fit=fit)
+
+
 def only(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
     """Some of the effects of a selection, fitted again.
 
@@ -62,8 +108,7 @@ def only(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
 def _share(fit: Fit, later: int, other: int) -> float:
     """Of the other's gain that a later effect must bring."""
     one, two = fit.effects[later].effect, fit.effects[other].effect
-    alike = one.balance == two.balance or one.id in two.confused_with or two.id in one.confused_with
-    if alike:
+    if one.balance == two.balance or confusable(one, two):
         return REMNANT_SHARE
     sides = ({one.balance}, {two.balance})
     apart = any(a <= DRIVE and b <= WATER for a, b in (sides, sides[::-1]))
@@ -88,13 +133,17 @@ def with_rivals(selection: Selection, fitter: Fitter, explained: float) -> Selec
         fitter: of the part that was fitted.
         explained: share of the residual's power beyond the noise that the model explains.
     """
-    fit = selection.fit
+    fit, tried = selection.fit, max(len(selection.ranking), 1)
     found = []
     for i, (gain, rivals) in enumerate(zip(selection.gains, selection.rivals, strict=True)):
-        margin = max(TELL_APART, (NEAR_SHARE + max(1.0 - explained, 0.0)) * gain)
+        own = fit.effects[i].effect
+        near = max(TELL_APART, (NEAR_SHARE + max(1.0 - explained, 0.0)) * gain)
         alike = []
         for rival in rivals:
-            if rival.effect.id == fit.effects[i].effect.id or rival.gain < gain - 4.0 * margin:
+            # a rival of fewer parameters may gain less by what each must bring
+            margin = near + threshold(own, tried) - threshold(rival.effect, tried)
+            far = rival.gain < gain - 4.0 * margin and not confusable(own, rival.effect)
+            if rival.effect.id == own.id or far:
                 continue
             other = (*fit.effects[:i], rival.placed, *fit.effects[i + 1 :])
             instead = fitter.fitted(other)

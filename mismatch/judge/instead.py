@@ -56,13 +56,17 @@ def formula_instead(
 def refuted(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:
     """Whether a formula does so much better than names that these are not near the truth.
 
-    Or better with less, one piece of physics instead of several; or in another balance than all of them.
+    By a signal from outside, which makes the greater difference; or with less, one piece of physics
+    instead of several; or in another balance than all of them. What does better by the ship's own
+    signals alone is another form of what was named.
     """
     effects = [placed.effect for placed in selection.fit.effects]
     several = len(effects) > len(formula.blocks)
     balances = {effect.balance for effect in effects}
     elsewhere = SENSOR not in balances and formula.balance not in balances
-    return several or elsewhere or _gain(selection, whiteness) < REFUTED * formula.gain
+    outside = set(formula.signals) & whiteness.fitter.balances.replay.outside.keys()
+    far = bool(outside) and _gain(selection, whiteness) < REFUTED * formula.gain
+    return several or elsewhere or far
 
 
 def _beside(formula: Formula, selection: Selection, whiteness: Whiteness) -> bool:

@@ -72,6 +72,22 @@ class Selection:
     ranking: tuple[Candidate, ...]
 
 
+def threshold(effect: Effect, tried: int) -> float:
+    """Gain that an effect must pass; a window is two parameters more, of all that were scanned.
+
+    Args:
+        effect: the effect.
+        tried: how many effects were.
+    """
+    count = len(effect.parameters) + 2 * effect.windowed
+    return chance(count, tried + STRETCHES * effect.windowed, RISK)
+
+
+def confusable(one: Effect, other: Effect) -> bool:
+    """Whether one effect may be taken for the other, as the catalogue says of either."""
+    return one.id in other.confused_with or other.id in one.confused_with
+
+
 def giving_way(fitter: Fitter, fit: Fit) -> Likelihood:
     """A likelihood in which the values of a model's effects are free as well, by straight lines."""
     values = [abs(v) for placed in fit.effects for v in placed.values]
@@ -96,10 +112,8 @@ class Selector:
         self._moved: dict[str, list[Complex]] = {}
 
     def threshold(self, effect: Effect) -> float:
-        """Gain that an effect must pass; a window is two parameters more, of all that were scanned."""
-        count = len(effect.parameters) + 2 * effect.windowed
-        tried = len(self.effects) + STRETCHES * effect.windowed
-        return chance(count, tried, RISK)
+        """Gain that an effect must pass."""
+        return threshold(effect, len(self.effects))
 
     def screen(self, base: Fit, stage: str) -> list[Candidate]:
         """Effects at the best of their probes on top of a model, best first.
@@ -160,13 +174,14 @@ class Selector:
         return {label: gain for label, gain in found.items() if gain > max(least, limits[label])}
 
     def _worth(self, screened: list[Candidate]) -> list[Candidate]:
-        """The best of a screen: some pieces of physics, the best forms of each."""
+        """The best of a screen, and what may be taken for it: the best forms of each."""
         if not screened:
             return []
-        least = max(1.0, NEAR_GAIN * screened[0].gain)
+        best = screened[0]
         found: dict[tuple[str, str], list[Candidate]] = {}
         for candidate in screened:
-            if candidate.gain > least:
+            near = candidate.gain > NEAR_GAIN * best.gain
+            if candidate.gain > 1.0 and (near or confusable(candidate.effect, best.effect)):
                 found.setdefault(candidate.effect.kind, []).append(candidate)
         return [c for forms in list(found.values())[:REFINED] for c in forms[:FORMS]]
 

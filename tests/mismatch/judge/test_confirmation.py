@@ -12,16 +12,21 @@ from shaftline.mismatch.judge.confirmation import (
     REMNANT_SHARE,
     REMOTE_SHARE,
     confirmed,
+    settled_edges,
     with_rivals,
 )
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.selection import Candidate, Selection
+from shaftline.mismatch.search.spectra import chance
 
 from ..toy import entry
 
 LAG = entry("engine-torque-lag (engine)")
 DERATING = entry("engine-derating (engine)")
 FOULING = entry("hull-fouling (hull)")
+BEND = entry("engine-torque-curvature (engine)")
+FRICTION = entry("coulomb-friction (engine)")
+EPISODE = entry("resistance-episode (hull)")
 ROUGH = entry("propeller-roughness (propeller)")
 
 
@@ -144,6 +149,49 @@ def test_a_rival_is_refuted_by_more_than_the_form_s_error(
     gain: float, behind: float, explained: float, told_apart: bool
 ) -> None:
     assert alike(gain, gain - behind, explained) == ([] if told_apart else ["engine-derating"])
+
+
+def test_what_fewer_parameters_do_is_as_good_by_what_the_others_cost() -> None:
+    """A bend in two parameters leads a derating in one by its price and a little."""
+    price = chance(2, 1, 0.01) - chance(1, 1, 0.01)
+    for behind, names in ((5.9 + price, ["engine-derating"]), (6.1 + price, [])):
+        fitter: Any = Rivals(engine_torque_curvature=300.0, engine_derating=300.0 - behind)
+        fit = fitter.fitted((Placed(BEND, (1.0, 1.0)),))
+        near = Candidate(DERATING, fitter.fitted((Placed(DERATING, (1.0,)),)), 300.0 - behind)
+        selection = Selection(fit, (300.0,), (10.0,), ((near,),), ())
+        (rivals,) = with_rivals(selection, fitter, 1.0).rivals
+        assert [c.effect.id for c in rivals] == names
+
+
+def test_what_may_be_taken_for_an_effect_is_tried_in_its_place_however_far_behind_it_was() -> None:
+    for other, names in ((DERATING, ["engine-derating"]), (FOULING, [])):
+        fitter: Any = Rivals(coulomb_friction=300.0, engine_derating=299.0, hull_fouling=299.0)
+        fit = fitter.fitted((Placed(FRICTION, (1.0,)),))
+        then = Candidate(other, fitter.fitted((Placed(other, (1.0,)),)), 100.0)
+        selection = Selection(fit, (300.0,), (10.0,), ((then,),), ())
+        (rivals,) = with_rivals(selection, fitter, 1.0).rivals
+        assert [c.effect.id for c in rivals] == names
+
+
+def test_the_edge_of_an_episode_in_data_set_aside_is_where_these_have_it() -> None:
+    replay = SimpleNamespace(interval_s=0.5)
+    fitter: Any = Fitter()
+    fitter.balances = SimpleNamespace(replay=replay)
+
+    def judge(fit: Any) -> float:
+        return -abs(fit.effects[1].window[1] - 175.0) - abs(fit.effects[1].window[0] - 150.0)
+
+    windows = {
+        (20.0, 190.0): (20.0, 175.0),
+        (20.0, 90.0): (20.0, 90.0),
+        (110.0, 300.0): (150.0, 300.0),
+    }
+    for before, after in windows.items():
+        fit: Any = SimpleNamespace(effects=(Placed(LAG, (1.0,)), Placed(EPISODE, (0.1,), before)))
+        selection = Selection(fit, (9.0, 9.0), (1.0, 1.0), ((), ()), ())
+        found = settled_edges(selection, fitter, [(200, 400)], judge)  # 100 to 200 s
+        assert found.fit.effects[1].window == after
+        assert found.fit.effects[0] == fit.effects[0]
 
 
 def test_a_name_elsewhere_needs_a_smaller_share_than_one_beside() -> None:

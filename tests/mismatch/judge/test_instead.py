@@ -53,21 +53,23 @@ def test_a_name_that_is_the_truth_has_no_formula_beside_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gain", "names", "blocks", "gone"),
+    ("gain", "names", "signals", "gone"),
     [
-        (59.0, ("motor",), 1, True),
-        (61.0, ("motor",), 1, False),
-        (61.0, ("motor", "motor"), 1, True),
-        (61.0, ("motor", "propeller"), 2, False),
-        (99.0, ("propeller",), 1, True),
-        (99.0, ("sensor",), 1, False),  # an instrument's error shows anywhere
+        (59.0, ("motor",), ("drive", "wind"), True),
+        (61.0, ("motor",), ("drive", "wind"), False),
+        (59.0, ("motor",), ("drive",), False),  # another form of the same
+        (61.0, ("motor", "motor"), ("drive",), True),
+        (99.0, ("propeller",), ("drive",), True),
+        (99.0, ("sensor",), ("drive",), False),  # an instrument's error shows anywhere
     ],
 )
 def test_far_behind_or_with_more_or_elsewhere_names_are_refuted(
-    gain: float, names: tuple[str, ...], blocks: int, gone: bool
+    gain: float, names: tuple[str, ...], signals: tuple[str, ...], gone: bool
 ) -> None:
-    formula: Any = SimpleNamespace(gain=100.0, blocks=(None,) * blocks, balance="motor")
+    formula: Any = SimpleNamespace(gain=100.0, blocks=(None,), balance="motor", signals=signals)
     effects = tuple(SimpleNamespace(effect=SimpleNamespace(balance=name)) for name in names)
     selection: Any = SimpleNamespace(fit=SimpleNamespace(score=gain + 7.0, effects=effects))
-    whiteness: Any = SimpleNamespace(fitter=SimpleNamespace(null=SimpleNamespace(score=7.0)))
+    balances = SimpleNamespace(replay=SimpleNamespace(outside={"wind": None}))
+    fitter = SimpleNamespace(null=SimpleNamespace(score=7.0), balances=balances)
+    whiteness: Any = SimpleNamespace(fitter=fitter)
     assert refuted(formula, selection, whiteness) is gone

@@ -179,6 +179,14 @@ def test_only_what_comes_near_the_best_is_refined(second: float, count: int) -> 
     assert found[0].gain == 403.0
 
 
+def test_what_may_be_taken_for_the_best_is_refined_though_its_probes_missed_it() -> None:
+    """A play is sharp: a probe beside its size gains a tenth of what it does."""
+    scores = Scores({LAG.label: 400.0, DEAD_TIME.label: 30.0, FOULING.label: 30.0})
+    search = selector(scores, LAG, DEAD_TIME, FOULING)
+    found = search.refine(scores.null, search.screen(scores.null, ""))
+    assert {c.effect for c in found} == {LAG, DEAD_TIME}
+
+
 def test_at_most_five_are_refined_and_none_that_gains_nothing() -> None:
     effects = [LAG, DEAD_TIME, FOULING, CURRENT, DERATING, BEND]
     scores = Scores({e.label: 400.0 for e in effects})
