@@ -168,8 +168,7 @@ def _judged(
     fit = selection.fit
     named = verdict.name in (EXPLAINED, PARTLY)
     told = fit if named else fitter.null
-    misfit = math.sqrt(min(max(1.0 - verdict.explained, 0.0), 1.0))
-    findings = findings_of(fitter, selection, lacking, misfit) if named else []
+    findings = findings_of(fitter, selection, lacking) if named else []
     shape: Shape | None = None
     windows: list[Window] = []
     where = ""

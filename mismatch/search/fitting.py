@@ -27,9 +27,6 @@ from .placed import Placed
 from .spectra import Bands, Complex, Likelihood, Marginal
 from .trial_ship import TrialShip
 
-MOST_WIDENING = 0.05
-"""Most that the error of a form widens an interval by, as a share of the effect's size."""
-
 REMEMBERED, REMEMBERED_BYTES = 64, 64e6
 """Simulations that a fitter remembers: so many, of so much memory at most, but four in any case."""
 
@@ -313,17 +310,15 @@ class Fitter:
             )  # fmt: skip
         return best[0]
 
-    def estimates(self, fit: Fit, misfit: float = 0.0) -> list[tuple[Estimate, ...]]:
+    def estimates(self, fit: Fit, form: float = 0.0) -> list[tuple[Estimate, ...]]:
         """Every effect's values with their errors, the nominal numbers free in their tolerances.
 
         From the curvature of the whitened likelihood over steps of one standard error, so that bends
-        inside the interval are felt. An effect's true form is never quite the catalogue's, and the part
-        of the form's error that looks like another value does not show in the residual: it is taken to
-        be as large as the part that does, up to :data:`MOST_WIDENING`.
+        inside the interval are felt.
 
         Args:
             fit: the model.
-            misfit: rms of what the model leaves beyond noise over that of what there was without it.
+            form: share of an effect's size by which a form that is not the truth's widens its interval.
         """
         flat = [(i, j) for i, placed in enumerate(fit.effects) for j in range(len(placed.values))]
         if not flat:
@@ -343,7 +338,7 @@ class Fitter:
             found[i].append(
                 Estimate.of(
                     host, parameter.key, value, float(error),
-                    form_error=min(misfit, MOST_WIDENING) * size,
+                    form_error=form * size,
                     neutral=self.trial_ship.neutral(parameter),
                 )
             )  # fmt: skip

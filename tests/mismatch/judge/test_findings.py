@@ -35,18 +35,18 @@ def lacking(fit: Fitter) -> Any:
 
 def test_a_finding_carries_what_was_found(both: tuple[Fitter, Selection]) -> None:
     fit, selection = both
-    friction, fouling = findings_of(fit, selection, lacking(fit), 0.02)
+    friction, fouling = findings_of(fit, selection, lacking(fit))
     assert (friction.effect, fouling.effect) == (ENGINE_FRICTION, HULL_FOULING)
     assert (friction.score, friction.threshold, friction.rivals) == (300.0, 10.0, ())
     assert (fouling.score, fouling.threshold) == (200.0, 11.0)
     assert list(map(str, fouling.rivals)) == ["rival"]
-    assert friction.estimates == fit.estimates(selection.fit, 0.02)[0]
-    assert friction.estimates[0].form_error == pytest.approx(120.0)
+    assert friction.estimates == fit.estimates(selection.fit, 0.15)[0]
+    assert friction.estimates[0].form_error == pytest.approx(0.15 * 6000.0)
 
 
 def test_a_trace_is_what_the_effect_changes_in_its_balance(both: tuple[Fitter, Selection]) -> None:
     fit, selection = both
-    friction, fouling = findings_of(fit, selection, lacking(fit), 0.0)
+    friction, fouling = findings_of(fit, selection, lacking(fit))
     assert (friction.row, fouling.row) == (0, 1)
     assert friction.trace == pytest.approx(6000.0 * SLOPES[FRICTION][0])
     assert fouling.trace == pytest.approx(0.3 * SLOPES[FOULING][1])
@@ -66,9 +66,9 @@ def test_an_instrument_is_shown_in_the_balance_that_feels_it_most() -> None:
     toy.simulate = simulate
     fit = Fitter(toy, bands())
     chosen = Selection(fit.fitted((Placed(GAUGE, (1.1,)),)), (9.0,), (8.0,), ((),), ())
-    (found,) = findings_of(fit, chosen, white(0, 0.5, 2.0), 0.0)
+    (found,) = findings_of(fit, chosen, white(0, 0.5, 2.0))
     assert found.row == 0  # 4 of 0.5 is more than 5 of 2
-    (found,) = findings_of(fit, chosen, white(0, 0.5, 0.4), 0.0)
+    (found,) = findings_of(fit, chosen, white(0, 0.5, 0.4))
     assert found.row == 1
 
 
@@ -81,7 +81,7 @@ def test_windows_and_regime_are_those_of_the_trace(monkeypatch: pytest.MonkeyPat
     fit = Fitter(toy, bands())
     placed = (Placed(ENGINE_FRICTION, (6000.0,)),)
     (found,) = findings_of(
-        fit, Selection(fit.fitted(placed), (9.0,), (8.0,), ((),), ()), lacking(fit), 0.0
+        fit, Selection(fit.fitted(placed), (9.0,), (8.0,), ((),), ()), lacking(fit)
     )
     assert found.windows == [(479.0, ROWS - 1.0)]
     assert found.regime == "ship_speed above 7.4 m/s"
@@ -91,7 +91,7 @@ def test_an_episode_keeps_its_own_window() -> None:
     fit = fitter({})
     episode = Placed(EPISODE, (0.5,), (60.0, 150.0))
     chosen = Selection(fit.fitted((episode,)), (9.0,), (8.0,), ((),), ())
-    (found,) = findings_of(fit, chosen, lacking(fit), 0.0)
+    (found,) = findings_of(fit, chosen, lacking(fit))
     assert found.windows == [(60.0, 150.0)]
     assert found.regime == ""
 
@@ -132,7 +132,7 @@ def test_effects_in_one_balance_have_traces_of_their_own() -> None:
     fit = fitter({})
     placed = (Placed(ENGINE_FRICTION, (6000.0,)), Placed(VISCOUS_FRICTION, (300.0,)))
     chosen = Selection(fit.fitted(placed), (9.0, 9.0), (8.0, 8.0), ((), ()), ())
-    first, second = findings_of(fit, chosen, lacking(fit), 0.0)
+    first, second = findings_of(fit, chosen, lacking(fit))
     assert first.trace == pytest.approx(6000.0 * SLOPES[FRICTION][0])
     assert second.trace == pytest.approx(300.0 * SLOPES[VISCOUS][0])
 
@@ -145,7 +145,7 @@ def test_what_acts_always_has_no_regime(monkeypatch: pytest.MonkeyPatch) -> None
     toy.simulate = lambda *given: samples(*given) | {"ship_speed": np.linspace(5.0, 8.0, ROWS)}
     fit = Fitter(toy, bands())
     chosen = Selection(fit.fitted((Placed(ENGINE_FRICTION, (6000.0,)),)), (9.0,), (8.0,), ((),), ())
-    (found,) = findings_of(fit, chosen, lacking(fit), 0.0)
+    (found,) = findings_of(fit, chosen, lacking(fit))
     assert (found.windows, found.regime) == ([(0.0, ROWS - 1.0)], "")
 
 
