@@ -29,6 +29,7 @@ from .judge.verdict import (
     EXPLAINED,
     NOTHING,
     PARTLY,
+    SURE_GAIN,
     UNEXPLAINED,
     Verdict,
     explained_shares,
@@ -260,7 +261,9 @@ def _verdict(
         share = float(explained_shares(whiteness, fitter.null, chosen.fit)[-1])
         chosen = with_rivals(chosen, fitter, share)
         gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
-        if chosen.fit.effects and not sure and judge.hears(chosen.fit):
+        # values on a ridge run freely far from the truth: what is sure is not refuted by that
+        weak = sum(chosen.gains) < SURE_GAIN * sum(chosen.thresholds)
+        if weak and judge.hears(chosen.fit):
             ships = numbers.candidates(chosen.fit, judge, judge.rows)
             if not followed(ship, ships, judge, free):
                 gain = -math.inf

@@ -326,7 +326,7 @@ def test_what_cannot_be_calibrated_is_refused_before_work_begins(
 ) -> None:  # fmt: skip
     FOULED.to_csv(tmp_path / "trial.csv", index=False)
     (tmp_path / "text.csv").write_text("no recording at all", encoding="utf-8")
-    monkeypatch.setattr("shaftline.mismatch.pipeline.Balances", None)  # no work
+    monkeypatch.setattr("shaftline.mismatch.pipeline.Settings", None)  # no work
     places = {"trial": tmp_path / "trial.csv", "text": tmp_path / "text.csv"}
     result = shaftline(
         "diagnose", tmp_path / "trial.csv", "--ship", "frigate", "--out", tmp_path / "out",

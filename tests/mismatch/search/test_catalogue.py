@@ -173,6 +173,7 @@ FORMS: list[tuple[str, tuple[float, ...]]] = [
     ("inflow-lag (propeller, of-j)", (5.0,)),
     ("pitch-dead-band (pitch-actuator, stops-at-the-edge)", (0.03,)),
     ("pitch-dead-band (pitch-actuator, stops-inside)", (0.05, 0.3)),
+    ("wake-speed-dependence (propeller, and-level)", (0.02, 0.08)),
     ("wake-in-drift (propeller)", (2.0, 0.3)),
     ("wind (hull)", (900.0,)),
     ("coulomb-friction (motor, stribeck)", (0.03, 1.5, 20.0)),

@@ -160,7 +160,7 @@ def test_coefficients_are_fitted_in_the_simulator() -> None:
     for start in (-7e-6, -1.4e-5):  # beside where it ends
         trial = search.refined("drive_torque", (block,), (start,))
         assert trial is not None
-        assert trial.placed.values[0] == pytest.approx(formula.estimates[0].value, rel=0.05)
+        assert trial.placed.values[0] == pytest.approx(formula.estimates[0].value, rel=0.08)
         assert trial.gain > 0.95 * formula.gain
 
 
