@@ -182,13 +182,11 @@ def _judged(
     if shape is not None:
         windows, where = _located(shape, fitter)
     candidates = numbers.candidates(told, judge, rows)
-    # of a name that is not quite the truth a formula takes the place
-    bare = fitter.null if formula is not None and formula.better_than else told
-    carried = numbers.candidates(bare, judge, rows)[0]
+    carried = candidates[0]
     # a shape or formula that does not hold on data set aside is shown, not used
     if shape is not None and (term := term_of(shape, ship)) is not None:
         candidates.insert(0, carried.with_term(term))
-    if formula is not None:
+    if formula is not None and verdict.name != EXPLAINED:
         spelled = carried.with_term(formula.term)
         start, other = judge(ship.record()), judge(candidates[0].record())
         first = as_well(judge(spelled.record()) - start, other - start)
