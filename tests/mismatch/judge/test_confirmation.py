@@ -179,7 +179,8 @@ def test_the_edge_of_an_episode_in_data_set_aside_is_where_these_have_it() -> No
     fitter.balances = SimpleNamespace(replay=replay)
 
     def judge(fit: Any) -> float:
-        return -abs(fit.effects[1].window[1] - 175.0) - abs(fit.effects[1].window[0] - 150.0)
+        begin, end = fit.effects[1].window
+        return -float(abs(end - 175.0) + abs(begin - 150.0))
 
     windows = {
         (20.0, 190.0): (20.0, 175.0),
