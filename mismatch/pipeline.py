@@ -261,7 +261,7 @@ def _verdict(
         gain = judge.score(chosen.fit) - judge.score(fitter.null) if chosen.fit.effects else 0.0
         # values on a ridge run freely far from the truth: what is sure is not refuted by that
         weak = sum(chosen.gains) < SURE_GAIN * sum(chosen.thresholds)
-        if weak and judge.hears(chosen.fit):
+        if weak and judge.covers(chosen.fit):
             ships = numbers.candidates(chosen.fit, judge, judge.rows)
             if not followed(ship, ships, judge, free):
                 gain = -math.inf

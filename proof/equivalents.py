@@ -217,7 +217,8 @@ def equivalent(effect: TrueEffect, numbers: Numbers, readings: pd.DataFrame) -> 
     if effect.key not in _FORMS or numbers[effect.size] == NEUTRAL[effect.size]:
         return None
     names, form = _FORMS[effect.key]
-    neutral = 1.0 if effect.id == "torque-sensor-gain" else 0.0
-    if effect.key == "coulomb-friction/motor":  # the motor has some of its own
-        neutral = numbers["rub"]
+    neutral = {
+        "torque-sensor-gain/sensor": 1.0,
+        "coulomb-friction/motor": numbers["rub"],  # the motor has some of its own
+    }.get(effect.key, 0.0)
     return {"names": list(names), "value": float(form(numbers, readings)), "neutral": neutral}

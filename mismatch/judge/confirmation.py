@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -71,22 +72,28 @@ def settled_edges(
         held: first row of each stretch that is set aside, and one past its last.
         judge: 2 log L of a model on the data set aside.
     """
-    fit, interval = selection.fit, fitter.balances.replay.interval_s
-    for i, placed in enumerate(fit.effects):
-        for edge in range(2 if placed.window is not None else 0):
-            for a, b in held:
-                at = fit.effects[i].window
-                if at is None or not a * interval < at[edge] < b * interval:
-                    continue
-                tried = [fit]
-                for time in interval * np.linspace(a, b, EDGES):
-                    ends = (float(time), at[1]) if edge == 0 else (at[0], float(time))
-                    if ends[0] < ends[1]:
-                        moved = replace(fit.effects[i], window=ends)
-                        effects = (*fit.effects[:i], moved, *fit.effects[i + 1 :])
-                        tried.append(fitter.fitted(effects))
-                fit = max(tried, key=judge)
+    fit = selection.fit
+    for i, edge in itertools.product(range(len(fit.effects)), (0, 1)):
+        if others := list(_with_other_edges(fit, i, edge, fitter, held)):
+            fit = max([fit, *others], key=judge)
     return replace(selection, fit=fit)
+
+
+def _with_other_edges(
+    fit: Fit, which: int, edge: int, fitter: Fitter, held: Sequence[tuple[int, int]]
+) -> Iterator[Fit]:
+    """A model whose episode begins (edge 0) or ends (1) elsewhere in the stretch in which it does."""
+    placed, interval = fit.effects[which], fitter.balances.replay.interval_s
+    if placed.window is None:
+        return
+    for a, b in held:
+        if a * interval < placed.window[edge] < b * interval:
+            for time in interval * np.linspace(a, b, EDGES):
+                begin, end = placed.window
+                window = (float(time), end) if edge == 0 else (begin, float(time))
+                if window[0] < window[1]:
+                    moved = replace(placed, window=window)
+                    yield fitter.fitted((*fit.effects[:which], moved, *fit.effects[which + 1 :]))
 
 
 def only(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:

@@ -127,7 +127,7 @@ class HeldOut:
         """2 log L of a ship's record."""
         return self._plain(self._measured - self._predicted(record)).score
 
-    def hears(self, fit: Fit) -> bool:
+    def covers(self, fit: Fit) -> bool:
         """Whether all effects of a model act here: an episode may lie elsewhere."""
         time_s = self.fitter.balances.replay.time_s[self.rows]
         windows = [placed.window for placed in fit.effects if placed.window is not None]

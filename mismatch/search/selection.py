@@ -120,7 +120,8 @@ class Selector:
 
         All of them on top of none; then those that what their probes moved there gives a chance.
         """
-        self.windows = episodes(self.fitter, base)
+        if any(effect.windowed for effect in self.effects):
+            self.windows = episodes(self.fitter, base)
         foretold = self._foretold(base) if base.effects else {}
         pending = [e for e in self.effects if not base.effects or e.label in foretold]
         found = []

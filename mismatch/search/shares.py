@@ -9,6 +9,8 @@ of the log det, held back where no maximum lies ahead (Levenberg 1944; Marquardt
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +25,38 @@ LEAST_CURVATURE = 0.02
 
 TRUSTED, DISTRUSTED = 0.7, 0.25
 """Share of the gain that was foretold, above which steps grow and below which they shrink."""
+
+
+class Sums(NamedTuple):
+    """Products over each band, which is all that the climb needs.
+
+    Args:
+        own: of the residual with itself, shape (bands, m, m).
+        crossed: of the residual with each regressor, shape (k, bands, m, m).
+        pairs: of the regressors with each other, real and imaginary parts side by side, shape
+            (k * k, bands * m * m * 2).
+        counts: weight of each band.
+    """
+
+    own: Complex
+    crossed: Complex
+    pairs: NDArray[np.float64]
+    counts: NDArray[np.float64]
+
+
+@compiled_apart
+def gram(pairs: NDArray[np.float64], weight: Complex) -> NDArray[np.float64]:
+    """Information on the regressors, their prior included, shape (k, k).
+
+    The weight is Hermitian: its transpose, which the trace of weight times products asks for, is its
+    conjugate, and that is what the real part of a product of complex numbers asks for.
+
+    Args:
+        pairs: as of :class:`Sums`.
+        weight: inverse covariances, shape (bands, m, m).
+    """
+    k = int(len(pairs) ** 0.5 + 0.5)
+    return 2.0 * (pairs @ weight.reshape(-1).view(np.float64)).reshape(k, k) + np.eye(k)
 
 
 @compiled_apart
@@ -53,30 +87,24 @@ def inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
 
 
 @compiled_apart
-def _at(
-    own: Complex,
-    crossed: Complex,
-    pairs: NDArray[np.float64],
-    counts: NDArray[np.float64],
-    shares: NDArray[np.float64],
-) -> tuple[float, Complex, Complex]:
+def _at(sums: Sums, shares: NDArray[np.float64]) -> tuple[float, Complex, Complex]:
     """The score at some shares, the inverse covariances, and the derivatives of the bands' sums."""
-    k, bands, m, _ = crossed.shape
-    moved = shares @ pairs.reshape(k, k * bands * m * m * 2)
-    half = moved.view(np.complex128).reshape(k, bands, m, m) - crossed
+    k, bands, m, _ = sums.crossed.shape
+    moved = shares @ sums.pairs.reshape(k, k * bands * m * m * 2)
+    half = moved.view(np.complex128).reshape(k, bands, m, m) - sums.crossed
     slopes = np.empty_like(half)
-    covariance = own.copy()
+    covariance = sums.own.copy()
     for i in range(k):
         for b in range(bands):
             for p in range(m):
                 for q in range(m):
                     slopes[i, b, p, q] = half[i, b, p, q] + np.conj(half[i, b, q, p])
                     covariance[b, p, q] += shares[i] * (
-                        half[i, b, p, q] - np.conj(crossed[i, b, q, p])
+                        half[i, b, p, q] - np.conj(sums.crossed[i, b, q, p])
                     )
     for b in range(bands):
-        covariance[b] /= counts[b]
-    determinant = inverted(covariance, counts)
+        covariance[b] /= sums.counts[b]
+    determinant = inverted(covariance, sums.counts)
     return -2.0 * determinant - float(np.sum(shares**2)), covariance, slopes
 
 
@@ -115,35 +143,24 @@ def _steepness(
 
 @compiled_apart
 def best_shares(
-    own: Complex,
-    crossed: Complex,
-    pairs: NDArray[np.float64],
-    counts: NDArray[np.float64],
-    start: NDArray[np.float64],
-    tolerance: float,
+    sums: Sums, start: NDArray[np.float64], tolerance: float
 ) -> tuple[float, NDArray[np.float64], Complex]:
     """Climb f from some shares on.
 
     Args:
-        own: sums of the residual's products by band, shape (bands, m, m).
-        crossed: of the residual's with each regressor's, shape (k, bands, m, m).
-        pairs: of the regressors' with each other's, real and imaginary parts side by side, shape
-            (k * k, bands * m * m * 2).
-        counts: weight of each band.
+        sums: over each band.
         start: shares, shape (k,).
         tolerance: gain in f below which a step is the last.
 
     Returns:
         f, the shares, and the inverse covariances, shape (bands, m, m).
     """
-    k = len(start)
     shares = start.copy()
-    score, weight, slopes = _at(own, crossed, pairs, counts, shares)
+    score, weight, slopes = _at(sums, shares)
     held = 0.0
     for _ in range(MOST_STEPS if np.isfinite(score) else 0):
-        rise, bent = _steepness(weight, slopes, counts, shares)
-        told = 2.0 * (pairs @ weight.reshape(-1).view(np.float64)).reshape(k, k) + np.eye(k)
-        root = np.linalg.cholesky(told)
+        rise, bent = _steepness(weight, slopes, sums.counts, shares)
+        root = np.linalg.cholesky(gram(sums.pairs, weight))
         inner = np.linalg.solve(root, bent)
         bends, axes = np.linalg.eigh(np.linalg.solve(root, inner.T.copy()))
         along = axes.T @ np.linalg.solve(root, rise)
@@ -154,16 +171,15 @@ def best_shares(
             step = along / (curvature + held)
             foretold = 2.0 * (along @ step) - np.sum((1.0 - bends) * step**2)
             trial = shares + np.linalg.solve(root.T.copy(), axes @ step)
-            found, heavier, steeper = _at(own, crossed, pairs, counts, trial)
+            found, heavier, steeper = _at(sums, trial)
             if found > score or not abs(foretold) > 1e-3 * tolerance:
                 break
             held = max(4.0 * held, 0.3)
         if found > score:
             gain = found - score
             score, shares, weight, slopes = found, trial, heavier, steeper
-        if gain <= 0.0 or (
-            gain < tolerance and held == 0.0
-        ):  # a step that is held back tells nothing
+        # a small step that was held back tells nothing
+        if gain <= 0.0 or (gain < tolerance and held == 0.0):
             break
         sure = gain / abs(foretold)
         if sure > TRUSTED:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from .shares import best_shares
+from .shares import Sums, best_shares, gram
 
 Complex = NDArray[np.complex128]
 
@@ -180,20 +180,6 @@ class Marginal:
     weight: Complex  # inverse covariance by band, shape (bands, m, m)
 
 
-def _rows(products: Complex, rows: int) -> NDArray[np.float64]:
-    """Products by band and pair (q, p) of balances, real and imaginary parts side by side."""
-    return np.ascontiguousarray(products).reshape(rows, -1).view(np.float64)
-
-
-def _parts(weight: Complex) -> NDArray[np.float64]:
-    """What :func:`_rows` are multiplied with, for the real part of the trace of weight times products.
-
-    The weight is Hermitian: its transpose, which the trace asks for, is its conjugate, and that is what
-    the real part of a product of complex numbers asks for.
-    """
-    return weight.ravel().view(np.float64)
-
-
 class Likelihood:
     """2 log L of residuals with some regressors free under a standard normal prior.
 
@@ -213,7 +199,8 @@ class Likelihood:
         count = len(bands.edges) - 1
         products = moments(bands, self._flat, self._flat).reshape(count, k, m, k, m)
         # rows: pairs (l, k) of regressors; columns: bands and pairs (q, p) of balances
-        self._pairs = _rows(products.transpose(1, 3, 0, 2, 4), k * k)
+        in_order = np.ascontiguousarray(products.transpose(1, 3, 0, 2, 4))
+        self._pairs = in_order.reshape(k * k, -1).view(np.float64)
         self._counts = np.add.reduceat(bands.weights, bands.edges[:-1])
 
     def __call__(
@@ -225,17 +212,11 @@ class Likelihood:
         products = moments(self.bands, residual, self._flat).reshape(-1, m, k, m)
         crossed = np.ascontiguousarray(products.transpose(2, 0, 1, 3))
         first = np.zeros(k) if start is None else np.asarray(start, np.float64)
-        score, shares, weight = best_shares(
-            own, crossed, self._pairs, self._counts, first, tolerance
-        )
+        sums = Sums(own, crossed, self._pairs, self._counts)
+        score, shares, weight = best_shares(sums, first, tolerance)
         if not math.isfinite(score):
             raise np.linalg.LinAlgError("singular: a balance's residual is 0 or another's multiple")
         return Marginal(score, shares, weight)
-
-    def _gram(self, weight: Complex) -> NDArray[np.float64]:
-        """Information on the regressors, the prior included."""
-        k = self.shape[0]
-        return 2.0 * (self._pairs @ _parts(weight)).reshape(k, k) + np.eye(k)
 
     def amount(self, weight: Complex, residual: Complex, column: Complex) -> tuple[float, float]:
         """Generalised least squares: how much of a column is in a residual, the regressors free.
@@ -254,7 +235,7 @@ class Likelihood:
         with_regressors = 2.0 * np.einsum("bpq,baqkp->ak", weight, crossed).real
         own = moments(self.bands, both, column).reshape(-1, 2, m, m)
         with_column = 2.0 * np.einsum("bpq,baqp->a", weight, own).real
-        taken = np.linalg.solve(self._gram(weight), with_regressors[1])
+        taken = np.linalg.solve(gram(self._pairs, weight), with_regressors[1])
         rest = with_column[1] - taken @ with_regressors[1]
         told = with_column[0] - taken @ with_regressors[0]
         return (float(told / rest), float(told**2 / rest)) if rest > 0.0 else (0.0, 0.0)

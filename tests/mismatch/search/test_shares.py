@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from shaftline.mismatch.search.shares import best_shares, inverted
+from shaftline.mismatch.search.shares import Sums, best_shares, inverted
 
 
-def sums(seed: int, count: int, told: float) -> tuple[Any, ...]:
+def products(seed: int, count: int, told: float) -> tuple[Any, ...]:
     """Products by band of a residual that is mostly two regressors, which weak noise hides."""
     rng = np.random.default_rng(seed)
     own, crossed, pairs, counts = [], [], [], []
@@ -46,9 +46,9 @@ def by_hand(own: Any, crossed: Any, pairs: Any, counts: Any, shares: Any) -> flo
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_climb_arrives_where_the_best_shares_are(seed: int) -> None:
-    own, crossed, pairs, counts = sums(seed, 9, 0.3)
+    own, crossed, pairs, counts = products(seed, 9, 0.3)
     flat = pairs.reshape(4, -1).view(np.float64)
-    score, shares, weight = best_shares(own, crossed, flat, counts, np.zeros(2), 0.01)
+    score, shares, weight = best_shares(Sums(own, crossed, flat, counts), np.zeros(2), 0.01)
 
     def lost(trial: Any) -> float:
         return -by_hand(own, crossed, pairs, counts, trial)
