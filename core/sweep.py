@@ -10,6 +10,7 @@ import functools
 import hashlib
 import json
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -127,7 +128,10 @@ def _machine(work: Callable[[Cell], Any], cells: Mapping[str, Cell], jobs: int) 
     # one cell at a time for each process: a batch would hold finished cells back
     parallel = joblib.Parallel(jobs, return_as="generator_unordered", batch_size=1)
     try:
-        yield from parallel(joblib.delayed(_attempt)(work, *item) for item in cells.items())
+        with warnings.catch_warnings():
+            # loky replaces a process whose memory has grown; no cell is lost by it
+            warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
+            yield from parallel(joblib.delayed(_attempt)(work, *item) for item in cells.items())
     except BrokenProcessPool as error:
         why = str(error).split(". ")[0].strip()
         raise SweepError(

@@ -271,7 +271,8 @@ class FormulaSearch:
         for share, moved in zip(fit.tolerances, self._moved, strict=False):
             for column, change in moved.items():
                 off[column] = off[column] - share * change[rows]
-        return {c: float(np.sqrt(np.mean(np.square(x)))) for c, x in off.items()}
+        with np.errstate(over="ignore"):  # a formula that runs away is infinitely wrong
+            return {c: float(np.sqrt(np.mean(np.square(x)))) for c, x in off.items()}
 
     @functools.cached_property
     def _moved(self) -> list[dict[str, NDArray[np.float64]]]:
