@@ -182,6 +182,11 @@ def score(tool: str, report: Row, truth: Row, reality: Reality) -> Row:
             and outcome in ("wrong name", "false alarm")
             and not effects[0].get("equivalent_ids")
         ),
+        "undecided": bool(
+            verdict == "unexplained"
+            and report.get("balances")
+            and all(b["verdict"] == "nothing-missing" for b in report["balances"].values())
+        ),
         "class_size": len(_names(effects[0])) if effects else 0,
         "found": _pairs(effects, true_ids),
         "error": report.get("error", ""),
@@ -202,7 +207,7 @@ def table_of(rows: list[Row]) -> pd.DataFrame:
     """Rows of :func:`score` as a table; columns that no row has are there, empty."""
     wanted = ("balance", "balance_right", "balance_among", "parameter_error", "covered",
               "gain_channel", "oracle_gain", "gain", "gain_fraction", "iou", "seconds",
-              "wrong_and_sure")  # fmt: skip
+              "wrong_and_sure", "undecided")  # fmt: skip
     table = pd.DataFrame(rows)
     for name in wanted:
         if name not in table:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..search.fitting import Fit, Fitter
-from ..search.spectra import Bands, Complex, Likelihood, make_bands
+from ..search.spectra import Bands, Complex, Likelihood, make_bands, runs_away
 from ..simulate.balances import Balances, Channels
 from ..simulate.joint_replay import JointReplay
 
@@ -124,8 +124,9 @@ class HeldOut:
         return self._transformed(self.fitter.balances.replay.channels_of(record))
 
     def __call__(self, record: Any) -> float:
-        """2 log L of a ship's record."""
-        return self._plain(self._measured - self._predicted(record)).score
+        """2 log L of a ship's record; minus infinity where it runs away."""
+        lacking = self._measured - self._predicted(record)
+        return -math.inf if runs_away(lacking) else self._plain(lacking).score
 
     def covers(self, fit: Fit) -> bool:
         """Whether all effects of a model act here: an episode may lie elsewhere."""
@@ -147,6 +148,8 @@ class HeldOut:
         """
         fitter = self.fitter
         there, columns = fitter.sensitivities(fit, self._transformed)
+        if runs_away(there):
+            return -math.inf
         own = fitter.sensitivities(fit)[1]
         information = fitter.likelihood.information(fit.weight, own)
         values, vectors = np.linalg.eigh(information)

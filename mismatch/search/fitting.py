@@ -24,7 +24,7 @@ from ..simulate.balances import Balances, Channels
 from ..simulate.tolerances import NEAR, Moved, tolerance_moves
 from .coordinates import JointSearch
 from .placed import Placed
-from .spectra import Bands, Complex, Likelihood, Marginal
+from .spectra import Bands, Complex, Likelihood, Marginal, runs_away
 from .trial_ship import TrialShip
 
 REMEMBERED, REMEMBERED_BYTES = 64, 64e6
@@ -198,7 +198,7 @@ class Fitter:
             effects: that stand in it.
         """
         difference = self.measured - self.predicted(record)
-        if not np.isfinite(difference).all():
+        if runs_away(difference):
             empty = np.zeros(len(self.nuisance))
             return Fit(effects, -math.inf, difference, empty, self.null.weight)
         found = self.likelihood(difference, self._shares)

@@ -176,7 +176,8 @@ def _held(search: FormulaSearch, aside: SetAside, trial: Trial) -> float:
     """Gain on the data set aside; minus infinity where a channel is simulated worse there."""
     record = search.fitter.trial_ship.record
     before, after = (search.errors(fit, aside.rows) for fit in (search.base, trial.fit))
-    if any(after[column] > WORSE * before[column] for column in before):
+    # a run that is not finite compares as worse
+    if not all(after[column] <= WORSE * before[column] for column in before):
         return -math.inf
     return aside.judge(record(trial.fit.effects)) - aside.judge(record(search.base.effects))
 

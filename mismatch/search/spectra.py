@@ -180,6 +180,12 @@ class Marginal:
     weight: Complex  # inverse covariance by band, shape (bands, m, m)
 
 
+def runs_away(residual: Complex) -> bool:
+    """Whether a residual comes from a simulation whose numbers have left what a power is formed of."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return not math.isfinite(float(np.square(np.abs(residual)).sum()))
+
+
 class Likelihood:
     """2 log L of residuals with some regressors free under a standard normal prior.
 

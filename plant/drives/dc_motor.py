@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar, Literal
 
+import numpy as np
+
 from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
 from ..keys import INF, effect, number
@@ -55,6 +57,10 @@ class DcMotor(PrimeMover):
         INF, "highest current that the supply gives, either way", "A",
         record="supply_current_limit", gt=0,
     )  # fmt: skip
+    supply_soft_current_A: float = effect(
+        INF, "current i_s about which the supply gives way: it gives i_s tanh(i / i_s)", "A",
+        record="supply_soft_current", gt=0,
+    )  # fmt: skip
 
     @property
     def time_constant(self) -> tuple[str, float]:
@@ -75,18 +81,20 @@ def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
 
     Demands within ``command_dead_zone`` give none and short the armature; beyond it the dead zone is
     taken off. The supply gives no more than ``supply_limit``, and lets its voltage go as far as it takes
-    to hold the current at ``supply_current_limit``.
+    to hold the current at ``supply_current_limit``; a soft one lets it go long before, by
+    ``supply_soft_current``.
     """
     voltage = demand
     if plant.command_dead_zone != 0.0:
         voltage = demand - clip(demand, -plant.command_dead_zone, plant.command_dead_zone)
     voltage = clip(voltage, -plant.supply_limit, plant.supply_limit)
+    back = plant.motor_constant * motor_speed
     if plant.supply_current_limit.real < math.inf:
-        back, span = (
-            plant.motor_constant * motor_speed,
-            plant.armature_resistance * plant.supply_current_limit,
-        )
+        span = plant.armature_resistance * plant.supply_current_limit
         voltage = clip(voltage, back - span, back + span)
+    if plant.supply_soft_current.real < math.inf:
+        span = plant.armature_resistance * plant.supply_soft_current
+        voltage = back + span * np.tanh((voltage - back) / span)
     return voltage
 
 

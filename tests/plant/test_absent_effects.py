@@ -87,6 +87,7 @@ MOTOR_EFFECTS = [
     effect("torque-offset", "prime_mover.torque_offset_N_m", 0.01),
     effect("supply-limit", "prime_mover.supply_limit_V", 5.0, INF),
     effect("supply-limit", "prime_mover.supply_current_limit_A", 1.0, INF),
+    effect("supply-limit", "prime_mover.supply_soft_current_A", 1.0, INF),
 ]
 
 SENSOR_EFFECTS = [

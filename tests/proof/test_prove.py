@@ -95,6 +95,10 @@ def test_other_names(named: str, outcome: str) -> None:
 def test_nulls_unknowns_and_crashes() -> None:
     assert scored(reality("null-calm"), report("current"))["outcome"] == "false alarm"
     assert scored(reality("null-calm"), report())["outcome"] == "nothing-missing"
+    still = report(verdict="unexplained") | {"balances": {"engine": {"verdict": "nothing-missing"}}}
+    assert scored(reality("null-calm"), still)["undecided"]
+    left = still | {"balances": {"engine": {"verdict": "unexplained"}}}
+    assert not scored(reality("null-calm"), left)["undecided"]
     unknown = reality("unknown", "warm-bearing/engine")
     assert scored(unknown, report(verdict="unexplained"))["outcome"] == "unexplained"
     assert scored(unknown, report("current"))["outcome"] == "wrong name"

@@ -95,6 +95,7 @@ ON_THE_TUG: list[tuple[str, dict[str, Any]]] = [
     ("direction-asymmetry", {"propeller.astern_load_fraction": 0.3}),
     ("supply-limit", {"prime_mover.supply_limit_V": 6.5}),
     ("supply-limit", {"prime_mover.supply_current_limit_A": 1.0}),
+    ("supply-limit", {"prime_mover.supply_soft_current_A": 2.0}),
 ]
 
 
@@ -179,6 +180,7 @@ FORMS: list[tuple[str, tuple[float, ...]]] = [
     ("coulomb-friction (motor, stribeck)", (0.03, 1.5, 20.0)),
     ("command-dead-zone (motor, by-direction)", (0.6, 0.5)),
     ("direction-asymmetry (motor, demand)", (-0.12,)),
+    ("direction-asymmetry (motor, load-torque)", (-0.15,)),
     ("inflow-lag (motor, induced-flow)", (1.5, 30.0)),
 ]
 

@@ -53,6 +53,18 @@ def test_supply_holds_the_current_at_its_limit(demand: float, voltage: float) ->
     assert abs(current) <= 2.0 * (1.0 + 1e-12)
 
 
+@pytest.mark.parametrize(("demand", "current"), [(1.83, 0.0), (60.0, 2.0), (-60.0, -2.0)])
+def test_a_soft_supply_gives_all_of_a_small_current_and_never_more_than_its_own(
+    demand: float, current: float
+) -> None:
+    """At 100 rad/s the motor gives 1.83 V back."""
+    plant = tug(supply_soft_current_A=2.0).record()
+    found = steady_motor_current(plant, applied_voltage(plant, demand, 100.0), 100.0)
+    assert found == pytest.approx(current, abs=1e-12)
+    slope = complex(applied_voltage(plant, 1.83 + STEP * 1j, 100.0)).imag / STEP
+    assert slope == pytest.approx(1.0)
+
+
 def test_current_is_what_the_back_emf_leaves() -> None:
     plant = tug().record()
     assert steady_motor_current(plant, 6.0, 200.0) == pytest.approx((6.0 - 3.66) / RESISTANCE)
