@@ -121,7 +121,7 @@ def _disturbed(inputs: Inputs, more: Real) -> Inputs:
     return Inputs(
         inputs.drive, inputs.pitch_command, inputs.inflow + more, inputs.inflow_slope,
         inputs.inflow_position, inputs.elevation, inputs.resistance_factor, inputs.time,
-        inputs.drive_rate, inputs.outside,
+        inputs.drive_rate, inputs.head_sea, inputs.outside,
     )  # fmt: skip
 
 
@@ -200,7 +200,7 @@ def _acts(
     inflow, elevation = course.inflow[at], course.elevation[at]
     return Inputs(
         memory.rack, command, inflow, 0.0, 0.0, elevation, factor, time, 0.0,
-        outside_at(course.signals, at),
+        0.0, outside_at(course.signals, at),
     )  # fmt: skip
 
 

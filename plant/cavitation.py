@@ -11,7 +11,7 @@ import math
 
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
-from .propeller import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
+from .surroundings import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
 
 LINE_FACTOR, LINE_OFFSET, LINE_EXPONENT = 0.28, 0.03, 0.57
 """tau_limit = 0.28 (sigma - 0.03)^0.57 for 5 % back cavitation."""

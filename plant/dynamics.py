@@ -11,11 +11,21 @@ from typing import NamedTuple
 
 from ..core.compiled import Real, Record, compiled
 from .actuators import blade_pitch, pitch_rate
-from .drives import driven, holding_torque
-from .hull import resistance, wake_inflow, water_speed
+from .drives import Driving, driven, holding_torque
+from .hull import resistance, wake_inflow, water_speed, wave_resistance
 from .propeller import propeller_load
 from .shaft import brake_torque_of, drive_torque, gauge_torque, load_torque, shaft_inertia
-from .state import LAGGING, TERM_STATES, Inputs, Outputs, State, along, moved, without_rates
+from .state import (
+    LAGGING,
+    TERM_STATES,
+    WAITING,
+    Inputs,
+    Outputs,
+    State,
+    along,
+    moved,
+    without_rates,
+)
 from .term_kernel import Heard, Loaded, added, added_before
 from .ventilation import can_ventilate, ventilation_rate
 
@@ -38,6 +48,8 @@ class Loads(NamedTuple):
     inflow_rate: Real  # [m/s2]
     brake_torque_rate: Real  # [N m/s]
     motor_current_rate: Real  # [A/s]
+    charge_rate: Real  # [1/s]
+    warmth_rate: Real  # [1/s]
     added_pitch_rate: Real  # by terms [1/s]
     term_rate_1: Real  # of the states of terms
     term_rate_2: Real
@@ -83,11 +95,14 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     propeller_torque = load.torque * (1.0 / plant.relative_rotative_efficiency)  # eq. 2-5
 
     engine_speed = plant.gear_ratio * omega  # eq. 2-11
-    mover = driven(plant, engine_speed, demand, state.brake_torque, state.motor_current)
+    driving = Driving(state.brake_torque, state.motor_current, state.charge, state.warmth)
+    mover = driven(plant, engine_speed, demand, driving)
 
     drive = drive_torque(plant, mover.brake_torque, omega)
     load_behind = load_torque(plant, propeller_torque, omega)
     drag = resistance(plant, speed, inputs.resistance_factor)
+    if plant.wave_drag_length > 0.0:
+        drag = drag + wave_resistance(plant, inputs.head_sea)
     thrust = load.thrust
     added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0
     if plant.term_count > 0:
@@ -123,6 +138,8 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         inflow_rate,
         mover.brake_torque_rate,
         mover.current_rate,
+        mover.charge_rate,
+        mover.warmth_rate,
         added_pitch_rate,
         term_rate_1,
         term_rate_2,
@@ -164,6 +181,8 @@ def evaluate(
             ship_speed=ship_acceleration,
             position=state.ship_speed,
             brake_torque=acting.brake_torque_rate,
+            charge=acting.charge_rate,
+            warmth=acting.warmth_rate,
             inflow=acting.inflow_rate,
             ventilation=air_rate,
             motor_current=acting.motor_current_rate,
@@ -198,16 +217,25 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
         inputs: what acts.
 
     Each lag is linear in its own state and no lag acts on another's, so one Newton step finds them; the
-    others take away what rounding leaves. The state of a term is sought with all else held, from the
+    others take away what rounding leaves. Only a diesel's torque and what it waits for act on each
+    other, and close in on where they rest. The state of a term is sought with all else held, from the
     value given on in the direction in which it moves; where its rate has no root there, it stays.
     """
-    for _ in range(3):
-        rate, _ = evaluate(plant, state, inputs, state.pitch_ratio, False)
-        beside, _ = evaluate(plant, moved(state, LAGGING, 1.0), inputs, state.pitch_ratio, False)
-        state = without_rates(state, rate, beside)
+    waits = plant.charge_lag.real > 0.0 or plant.warmth_lag.real > 0.0
+    for _ in range(60 if waits else 3):
+        state = _without_rates(plant, state, inputs, LAGGING)
+        if waits:
+            state = _without_rates(plant, state, inputs, WAITING)
         for k in range(plant.term_states):
             state = moved(state, TERM_STATES[k], _to_rest(plant, state, inputs, TERM_STATES[k]))
     return state
+
+
+@compiled
+def _without_rates(plant: Record, state: State, inputs: Inputs, probe: State) -> State:
+    rate, _ = evaluate(plant, state, inputs, state.pitch_ratio, False)
+    beside, _ = evaluate(plant, moved(state, probe, 1.0), inputs, state.pitch_ratio, False)
+    return without_rates(state, rate, beside, probe)
 
 
 @compiled

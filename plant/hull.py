@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,15 @@ from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled
 from .keys import INF, Section, effect, number, require
+from .surroundings import GRAVITY
 
 
 class Hull(Section):
     """Surge dynamics, resistance and wake."""
 
-    derived = (("propellers", np.float64), ("hull_fixed", np.int64))
+    derived = (
+        ("propellers", np.float64), ("hull_fixed", np.int64), ("wave_drag_length", np.float64),
+    )  # fmt: skip
 
     fixed: bool = Field(
         default=False, description="held at its place, as in a bollard pull or on a bench"
@@ -33,6 +37,13 @@ class Hull(Section):
     wake_fraction: float = number(
         "w", record="wake_fraction", needs="has_propeller", ge=-0.2, lt=0.6, default=0.0
     )
+    beam_m: float = Field(
+        default=0.0, ge=0, le=100, description="on the water line [m]; 0: waves add no resistance"
+    )
+    bow_length_m: float = Field(
+        default=0.0, ge=0, le=500,
+        description="of the water line from the bow to 95 % of the beam [m]",
+    )  # fmt: skip
     propellers: int = Field(default=1, ge=1, le=8, description="number of equal propellers k_p")
     fouling_fraction: float = effect(
         0.0, "added share of the resistance", record="hull_fouling", needs="moves", ge=-0.5, le=3
@@ -65,14 +76,21 @@ class Hull(Section):
     def _complete(self) -> Hull:
         if self.episode_end_s < self.episode_start_s:
             raise ValueError("episode_end_s must not be before episode_start_s")
+        if self.beam_m > 0.0:
+            require(self, ("bow_length_m",), "with a beam_m")
+            if self.bow_length_m == 0.0:
+                raise ValueError("bow_length_m must be above 0 m with a beam_m")
         if not self.fixed:
             keys = ("mass_kg", "resistance_coefficient_N_s2_m2")
             require(self, keys, "unless hull.fixed is true")
         return self
 
     def fill(self, record: Any) -> None:
-        """Its numbers, and whether it moves."""
+        """Its numbers, whether it moves, and the length by which waves add to its resistance."""
         super().fill(record)
+        if self.beam_m > 0.0:
+            slender = math.sqrt(self.beam_m / self.bow_length_m)
+            record["wave_drag_length"] = self.beam_m * slender / 16.0
         record["propellers"] = self.propellers
         record["hull_fixed"] = self.fixed
 
@@ -95,6 +113,20 @@ def resistance(plant: Record, speed_through_water: Real, resistance_factor: Real
     sign = 1.0 if speed_through_water.real >= 0.0 else -1.0
     factor = resistance_factor * (1.0 + plant.hull_fouling)
     return sign * factor * plant.resistance_coefficient * speed_through_water * speed_through_water
+
+
+@compiled
+def wave_resistance(plant: Record, head_sea: Real) -> Real:
+    """Mean resistance [N] that waves from ahead add: STAWAVE-1, ISO 15016:2015, Annex D.
+
+    R = rho g Hs^2 B sqrt(B / L_BWL) / 16, of the waves that the bow throws back. Meant for seas in which
+    the ship hardly heaves and pitches; beyond, what her motions add is left out.
+
+    Args:
+        plant: ship record.
+        head_sea: Hs^2 of waves within 45 degrees of the bow [m2]; 0 of others.
+    """
+    return plant.density * GRAVITY * plant.wave_drag_length * head_sea
 
 
 @compiled

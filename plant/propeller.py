@@ -30,8 +30,7 @@ from .propeller_curves import (
     thrust_coefficient,
     torque_coefficient,
 )
-
-ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC), m/s2
+from .surroundings import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
 
 
 class Propeller(Section):

@@ -26,6 +26,8 @@ class Lag(NamedTuple):
     """A state that follows the others with a lag, and is there where the lag is above 0."""
 
     field: str  # of the ship's record
+    probe: float = 1.0  # by which it is moved to see how its rate follows it
+    after: bool = False  # it is led by another lag's state, and acts on that
 
 
 class State(NamedTuple):
@@ -44,6 +46,9 @@ class State(NamedTuple):
     motor_current: Annotated[Real, Lag("armature_inductance")] = 0.0  # where it has dynamics [A]
     # nothing depends on the angle but a recording that has it in place of the speed
     shaft_angle: Annotated[Real, Where(lambda plant: False)] = 0.0  # turned by the shaft [rad]
+    # of a diesel whose torque waits for air, or for its parts to warm: shares of those at rated power
+    charge: Annotated[Real, Lag("charge_lag", 1e-3, after=True)] = 0.0  # [-]
+    warmth: Annotated[Real, Lag("warmth_lag", 1e-3, after=True)] = 0.0  # [-]
     # of terms that have one, in their order
     term_1: Annotated[Real, Where(lambda plant: plant["term_states"] > 0)] = 0.0
     term_2: Annotated[Real, Where(lambda plant: plant["term_states"] > 1)] = 0.0
@@ -152,28 +157,37 @@ TERM_STATES = tuple(
 )
 """Directions of the states of terms, one by one."""
 
-LAGGING = State(*(1.0 if name in LAGS else 0.0 for name in State._fields))
-"""1 for each state that lags, 0 for the others."""
+LAGGING, WAITING = (
+    State(
+        *(
+            mark.probe if isinstance(mark, Lag) and mark.after == after else 0.0
+            for mark in _DECLARED.values()
+        )
+    )
+    for after in (False, True)
+)
+"""The probe of each state that lags, 0 for the others: those that follow at once, and those that wait
+for another that lags."""
 
 
 @compiled
-def _root(x: float, rate: float, rate_beside: float, lags: float) -> float:
-    """Where the rate of a lag vanishes, from the rates at ``x`` and ``x + 1``."""
+def _root(x: float, rate: float, rate_beside: float, probe: float) -> float:
+    """Where the rate of a lag vanishes, from the rates at ``x`` and ``x + probe``."""
     slope = rate_beside - rate
-    return x - rate / slope if lags > 0.0 and slope != 0.0 else x
+    return x - probe * rate / slope if probe > 0.0 and slope != 0.0 else x
 
 
-without_rates: Callable[[State, State, State], State] = spelled_out(
+without_rates: Callable[[State, State, State, State], State] = spelled_out(
     """
-def without_rates(state, rate, rate_beside):
+def without_rates(state, rate, rate_beside, probe):
     return State(
-        _root(state.{field}, rate.{field}, rate_beside.{field}, LAGGING.{field}),
+        _root(state.{field}, rate.{field}, rate_beside.{field}, probe.{field}),
     )
 """,
     State._fields,
     globals(),
 )
-"""The state with its lags where their rates vanish, from the rates here and at ``state + LAGGING``."""
+"""The state with some lags where their rates vanish, from the rates here and at ``state + probe``."""
 
 
 class Inputs(NamedTuple):
@@ -188,6 +202,7 @@ class Inputs(NamedTuple):
     resistance_factor: Real = 1.0  # d_c1 [-]
     time: Real = 0.0  # since the start [s]
     drive_rate: Real = 0.0  # of a speed that is held [rad/s2]
+    head_sea: Real = 0.0  # significant height squared of waves from ahead [m2]
     outside: tuple[Real, ...] = NO_SIGNALS  # signals from outside that terms hear
 
 

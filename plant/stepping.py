@@ -45,6 +45,7 @@ def _inputs(
         disturbance.resistance_factor * episode,
         time,
         drive_rate,
+        wave.head_sea,
         disturbance.outside,
     )
 

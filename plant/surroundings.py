@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from .keys import Section, number
 
+ATMOSPHERE, VAPOUR_PRESSURE, GRAVITY = 101325.0, 1671.0, 9.81  # Pa, Pa (15 degC), m/s2
+
 
 class Water(Section):
     """The water that the ship sails in."""

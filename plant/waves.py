@@ -19,14 +19,15 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from ..core.compiled import Record, compiled
+from .surroundings import GRAVITY
 
 COMPONENTS = 64
 SYNC_STEPS = 10
 """Plant steps between two synchronisations of the phasors with time and position."""
 
 _BAND_EDGES = np.geomspace(0.55, 4.5, COMPONENTS + 1)  # over the peak frequency
-_GRAVITY = 9.81  # m/s2
 _LANES = (COMPONENTS,)
+_AHEAD_DEG = 45.0  # to either side of the bow; waves from there add to the resistance
 
 SEA = np.dtype(
     [
@@ -37,6 +38,7 @@ SEA = np.dtype(
         ("frequency", np.float64, _LANES),  # [rad/s], at a fixed point
         ("wavenumber", np.float64, _LANES),  # along the ship's track [rad/m]
         ("phase", np.float64, _LANES),  # [rad]
+        ("head_sea", np.float64),  # significant height squared of waves from ahead [m2]
         # working memory of the kernels
         ("cosine", np.float64, _LANES),
         ("sine", np.float64, _LANES),
@@ -114,9 +116,11 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
     frequency = edges[:-1] + width * rng.random(COMPONENTS)
     amplitude = np.sqrt(2.0 * jonswap(frequency, sea) * width)
     amplitude *= sea.hs_m / 4.0 / math.sqrt(0.5 * float(np.sum(amplitude**2)))
-    wavenumber = frequency**2 / _GRAVITY
+    wavenumber = frequency**2 / GRAVITY
     along = math.cos(math.radians(sea.heading_deg))
     record["present"] = 1
+    if along <= -math.cos(math.radians(_AHEAD_DEG)):
+        record["head_sea"] = sea.hs_m**2
     record["amplitude"] = amplitude
     # water that moves with the ship takes inflow away, hence the minus
     record["velocity"] = -along * amplitude * frequency * np.exp(-wavenumber * depth_m)
@@ -155,6 +159,7 @@ class WaveMotion(NamedTuple):
     inflow_slope: float
     elevation: float
     position: float
+    head_sea: float  # significant height squared of waves from ahead [m2]
 
 
 def field(sea: Any, time_s: float, position_m: float) -> tuple[float, float]:
@@ -253,8 +258,10 @@ def _measure(sea: Record) -> None:
 def motion(sea: Record, position: float) -> WaveMotion:
     """The field at the ship; zero where there is no sea."""
     if sea.present != 0:
-        return WaveMotion(sea.inflow, sea.inflow_slope, sea.elevation, sea.reference_position)
-    return WaveMotion(0.0, 0.0, 0.0, position)
+        return WaveMotion(
+            sea.inflow, sea.inflow_slope, sea.elevation, sea.reference_position, sea.head_sea
+        )
+    return WaveMotion(0.0, 0.0, 0.0, position, 0.0)
 
 
 @compiled

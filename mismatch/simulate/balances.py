@@ -56,7 +56,7 @@ def _loads_at(
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
         state = motion_state(pitch_ratio[k], shaft_speed[k], ship_speed[k])
         acts = Inputs(
-            rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0, NO_SIGNALS
+            rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0, 0.0, NO_SIGNALS
         )
         acting = loads(plant, state, acts, pitch_ratio[k])
         drive_torque[k] = acting.drive_torque

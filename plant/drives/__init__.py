@@ -28,12 +28,21 @@ class Driven(NamedTuple):
     brake_torque_rate: Real  # of a torque that lags [N m/s]
     current: Real  # of a motor [A]
     current_rate: Real  # of a motor with inductance [A/s]
+    charge_rate: Real  # of a diesel's charge air [1/s]
+    warmth_rate: Real  # of a diesel's parts [1/s]
+
+
+class Driving(NamedTuple):
+    """States of a prime mover, of whichever kind."""
+
+    brake_torque: Real  # that lags [N m]
+    motor_current: Real  # of an armature with inductance [A]
+    charge: Real  # share of a diesel's charge air at rated power [-]
+    warmth: Real  # share of its parts' warmth at rated power [-]
 
 
 @compiled
-def driven(
-    plant: Record, engine_speed: Real, demand: Real, brake_torque: Real, motor_current: Real
-) -> Driven:
+def driven(plant: Record, engine_speed: Real, demand: Real, states: Driving) -> Driven:
     """Torque of the prime mover, whatever it is.
 
     Args:
@@ -41,21 +50,22 @@ def driven(
         engine_speed: omega_e [rad/s].
         demand: fuel rack [mm], voltage [V] or torque [N m]. Of a speed that is held the torque is only
             known by its load (:func:`holding_torque`); it is 0 here.
-        brake_torque: state of a torque that lags [N m].
-        motor_current: state of an armature with inductance [A].
+        states: of whatever lags.
     """
-    torque_rate = 0.0
-    current = 0.0
-    current_rate = 0.0
+    torque_rate = current = current_rate = charge_rate = warmth_rate = 0.0
     if plant.prime_mover == DIESEL:
-        torque, torque_rate = drive_diesel(plant, engine_speed, demand, brake_torque)
+        torque, torque_rate, charge_rate, warmth_rate = drive_diesel(
+            plant, engine_speed, demand, states.brake_torque, states.charge, states.warmth
+        )
     elif plant.prime_mover == DC_MOTOR:
-        torque, current, current_rate = drive_motor(plant, engine_speed, demand, motor_current)
+        torque, current, current_rate = drive_motor(
+            plant, engine_speed, demand, states.motor_current
+        )
     elif plant.speed_held != 0:
         torque = 0.0
     else:
         torque = source_torque(plant, demand)
-    return Driven(torque, torque_rate, current, current_rate)
+    return Driven(torque, torque_rate, current, current_rate, charge_rate, warmth_rate)
 
 
 __all__ = [
@@ -64,6 +74,7 @@ __all__ = [
     "Diesel",
     "Drive",
     "Driven",
+    "Driving",
     "SpeedSource",
     "TorqueSource",
     "driven",

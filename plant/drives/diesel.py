@@ -1,9 +1,15 @@
-"""Diesel engine by its fuel rack map, inside its envelope, with a lag of its torque."""
+"""Diesel engine by its fuel rack map, inside its envelope, with a lag of its torque.
+
+Two ceilings below the envelope rise with what the engine has given, each behind a lag of its own: the
+smoke limit with the charge air, which a turbocharger builds up in seconds, and the loading limit with
+the warmth of the engine's parts, which takes minutes. Their shape, a straight line over the share of the
+rated power that the lag has followed, is assumed.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -33,6 +39,7 @@ class Diesel(PrimeMover):
     derived: ClassVar[tuple[tuple[Any, ...], ...]] = (
         ("engine_speed_min", np.float64),
         ("engine_speed_max", np.float64),
+        ("rated_power", np.float64),
     )
 
     torque_per_speed_N_m_s_rad: float = number(
@@ -57,6 +64,30 @@ class Diesel(PrimeMover):
     lag_s: float = effect(
         0.0, "first-order lag of the torque", "s", record="engine_lag", ge=0, le=30
     )
+    charge_air_lag_s: float = effect(
+        0.0, "lag of the charge air behind the power; 0 is no smoke limit", "s", record="charge_lag",
+        ge=0, le=60,
+    )  # fmt: skip
+    smoke_limit_N_m: float = number(
+        "brake torque that the engine can give without charge air", "N m", record="smoke_limit",
+        gt=0, default=INF,
+    )  # fmt: skip
+    smoke_limit_rise_N_m: float = number(
+        "rise of that limit up to the charge air of rated power", "N m", record="smoke_limit_rise",
+        ge=0, le=1e7, default=0.0,
+    )  # fmt: skip
+    warmth_lag_s: float = effect(
+        0.0, "lag of the parts' warmth behind the power; 0 is no loading limit", "s",
+        record="warmth_lag", ge=0, le=7200,
+    )  # fmt: skip
+    loading_limit_N_m: float = number(
+        "brake torque that the cold engine may give", "N m", record="loading_limit", gt=0,
+        default=INF,
+    )  # fmt: skip
+    loading_limit_rise_N_m: float = number(
+        "rise of that limit up to the warmth of rated power", "N m", record="loading_limit_rise",
+        ge=0, le=1e7, default=0.0,
+    )  # fmt: skip
     dead_time_s: float = effect(
         0.0, "delay of the rack's demand", "s", record="engine_dead_time", ge=0, le=6
     )
@@ -98,6 +129,14 @@ class Diesel(PrimeMover):
         return self
 
     @model_validator(mode="after")
+    def _ceilings_complete(self) -> Diesel:
+        for lag, limit in (("charge_air_lag_s", "smoke"), ("warmth_lag_s", "loading")):
+            if getattr(self, lag) > 0.0:
+                keys = ("torque_limit_N_m", f"{limit}_limit_N_m", f"{limit}_limit_rise_N_m")
+                require(self, keys, f"with a {lag}")
+        return self
+
+    @model_validator(mode="after")
     def _speeds_in_order(self) -> Diesel:
         if self.speed_min_rpm >= self.speed_max_rpm:
             raise ValueError("speed_min_rpm must be below speed_max_rpm")
@@ -113,6 +152,7 @@ class Diesel(PrimeMover):
         super().fill(record)
         record["engine_speed_min"] = self.speed_min_rpm * math.pi / 30.0
         record["engine_speed_max"] = self.speed_max_rpm * math.pi / 30.0
+        record["rated_power"] = record["engine_speed_max"] * self.torque_limit_N_m
 
 
 @compiled
@@ -167,20 +207,52 @@ def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 
 @compiled
+def _ceiling(lag: float, limit: float, rise: float, followed: Real, torque: Real) -> Real:
+    """A torque [N m] below a limit that rises with the share of rated power that a lag has followed."""
+    if lag.real > 0.0:
+        highest = limit + rise * followed
+        if torque.real > highest.real:
+            return highest
+    return torque
+
+
+class Burning(NamedTuple):
+    """What a diesel does at one instant."""
+
+    brake_torque: Real  # M_b in force [N m]
+    brake_torque_rate: Real  # of the torque that lags [N m/s]
+    charge_rate: Real  # of the charge air [1/s]
+    warmth_rate: Real  # of the parts' warmth [1/s]
+
+
+@compiled
 def drive_diesel(
-    plant: Record, engine_speed: Real, fuel_rack: Real, lagged: Real
-) -> tuple[Real, Real]:
-    """Brake torque M_b [N m] in force and the rate [N m/s] of the torque that lags.
+    plant: Record, engine_speed: Real, fuel_rack: Real, lagged: Real, charge: Real, warmth: Real
+) -> Burning:
+    """Brake torque M_b in force, and the rates of what lags behind it.
 
     Args:
-        plant: ship record; ``engine_lag`` 0 lets the torque follow the rack map at once.
+        plant: ship record; ``engine_lag`` 0 lets the torque follow the rack map at once, ``charge_lag``
+            and ``warmth_lag`` 0 leave out a ceiling.
         engine_speed: omega_e [rad/s].
         fuel_rack: X [mm].
         lagged: brake torque state [N m].
+        charge: air that charges the engine, as share of that at rated power [-].
+        warmth: of its parts, likewise [-].
     """
     torque = diesel_torque(plant, engine_speed, fuel_rack)
-    rate = 0.0
+    torque = _ceiling(plant.charge_lag, plant.smoke_limit, plant.smoke_limit_rise, charge, torque)
+    torque = _ceiling(
+        plant.warmth_lag, plant.loading_limit, plant.loading_limit_rise, warmth, torque
+    )
+    rate = charge_rate = warmth_rate = 0.0
     if plant.engine_lag.real > 0.0:
         rate = (torque - lagged) / plant.engine_lag
         torque = lagged
-    return torque, rate
+    if plant.charge_lag.real > 0.0 or plant.warmth_lag.real > 0.0:
+        share = torque * engine_speed / plant.rated_power
+        if plant.charge_lag.real > 0.0:
+            charge_rate = (share - charge) / plant.charge_lag
+        if plant.warmth_lag.real > 0.0:
+            warmth_rate = (share - warmth) / plant.warmth_lag
+    return Burning(torque, rate, charge_rate, warmth_rate)

@@ -197,7 +197,17 @@ def _fill_loads(
     for k in range(len(ship_speed)):
         state = motion_state(plant.pitch_ratio_max, shaft_speed[k], ship_speed[k])
         acts = Inputs(
-            shaft_speed[k], plant.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, NO_SIGNALS
+            shaft_speed[k],
+            plant.pitch_ratio_max,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            NO_SIGNALS,
         )
         acting = loads(plant, state, acts, plant.pitch_ratio_max)
         thrust[k] = acting.thrust

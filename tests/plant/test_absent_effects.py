@@ -33,6 +33,20 @@ PLANT_EFFECTS = [
     effect("viscous-propeller-side", "transmission.viscous_friction_propeller_side_N_m_s_rad", 5e2),
     effect("quadratic-drag", "transmission.quadratic_drag_N_m_s2_rad2", 50.0),
     effect("engine-torque-lag", "prime_mover.lag_s", 1.0),
+    effect(
+        "smoke-limit",
+        "prime_mover.charge_air_lag_s",
+        4.0,
+        smoke_limit_N_m=12e3,
+        smoke_limit_rise_N_m=2e4,
+    ),
+    effect(
+        "loading-limit",
+        "prime_mover.warmth_lag_s",
+        60.0,
+        loading_limit_N_m=15e3,
+        loading_limit_rise_N_m=2e4,
+    ),
     effect("engine-dead-time", "prime_mover.dead_time_s", 0.6),
     effect("rack-rate-limit", "prime_mover.rack_rate_limit_mm_s", 1.0, INF),
     effect("engine-derating", "prime_mover.derating_fraction", 0.1),
@@ -53,6 +67,7 @@ PLANT_EFFECTS = [
         cavitation_torque_share=0.6,
     ),
     effect("wake-speed-dependence", "hull.wake_slope_s_m", 0.01, wake_reference_speed_m_s=5.0),
+    effect("wave-resistance", "hull.beam_m", 14.4, bow_length_m=45.0),
     effect("hull-fouling", "hull.fouling_fraction", 0.3),
     effect("current", "hull.current_m_s", 0.7),
     effect(

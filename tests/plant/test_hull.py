@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from shaftline.plant import Equilibrium, Schedule, Ship, ShipError, equilibrium, load_ship, simulate
-from shaftline.plant.hull import episode_factor, resistance, wake_inflow, water_speed
+from shaftline.plant.hull import (
+    episode_factor,
+    resistance,
+    wake_inflow,
+    water_speed,
+    wave_resistance,
+)
+from shaftline.plant.waves import Sea, motion, realise
 
 DRAG = 3306.2  # thesis Table B-1 [N s2/m2]
 
@@ -24,6 +31,22 @@ def test_resistance_is_quadratic_and_opposes_the_motion(plant: Any, speed: float
 def test_fouling_and_disturbance_each_multiply_it(plant: Any) -> None:
     plant["hull_fouling"] = 0.3
     assert resistance(plant, 8.0, 1.2) == pytest.approx(1.2 * 1.3 * DRAG * 64.0, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("heading", "height"), [(180.0, 3.0), (140.0, 3.0), (130.0, 0.0), (0.0, 0.0), (-140.0, 3.0)]
+)
+def test_waves_from_ahead_add_resistance(frigate: Ship, heading: float, height: float) -> None:
+    """STAWAVE-1 by hand: 1025 x 9.81 / 16 x Hs^2 x 14.4 x sqrt(14.4 / 45)."""
+    plant = with_hull(frigate, beam_m=14.4, bow_length_m=45.0).record()
+    sea = realise(Sea(hs_m=3.0, tp_s=9.0, heading_deg=heading), 4.0, 1)
+    found = wave_resistance(plant, motion(sea, 0.0).head_sea)
+    assert found == pytest.approx(5119.2975 * height**2, rel=1e-5)
+
+
+def test_a_beam_needs_the_length_of_its_bow(frigate: Ship) -> None:
+    with pytest.raises(ShipError, match="bow_length_m is missing"):
+        with_hull(frigate, beam_m=14.4)
 
 
 def test_current_carries_the_ship_along(plant: Any) -> None:

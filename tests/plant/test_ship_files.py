@@ -60,7 +60,8 @@ def test_file_that_is_no_text_is_named(tmp_path: Path) -> None:
 
 def test_unknown_preset_names_the_known_ones() -> None:
     with pytest.raises(
-        ShipError, match=r"unknown ship 'frigat'.*frigate, rov-thruster, tito-neri-sine"
+        ShipError,
+        match=r"unknown ship 'frigat'.*frigate, frigate-at-sea, rov-thruster, tito-neri-sine",
     ):
         load_ship("frigat")
 

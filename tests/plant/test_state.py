@@ -12,6 +12,7 @@ from shaftline.plant.state import (
     LAGGING,
     LAGS,
     STATE,
+    WAITING,
     Inputs,
     State,
     _root,
@@ -62,8 +63,14 @@ def test_lags_are_named_with_their_fields(plant: Any) -> None:
         "brake_torque": "engine_lag",
         "inflow": "inflow_lag",
         "motor_current": "armature_inductance",
+        "charge": "charge_lag",
+        "warmth": "warmth_lag",
     }
-    assert {name for name, lags in LAGGING._asdict().items() if lags} == set(LAGS)
+    prompt, waiting = (
+        {name for name, lags in probe._asdict().items() if lags} for probe in (LAGGING, WAITING)
+    )
+    assert waiting == {"charge", "warmth"}
+    assert prompt | waiting == set(LAGS)
     assert set(LAGGING) == {0.0, 1.0}
 
 
@@ -107,7 +114,7 @@ def test_root_of_a_rate_that_is_a_line(
 def test_rates_vanish_for_the_lags_alone() -> None:
     rate = State(*(2.0 for _ in COUNTING))
     beside = State(*(1.0 for _ in COUNTING))
-    found = without_rates(COUNTING, rate, beside)
+    found = without_rates(COUNTING, rate, beside, LAGGING)
     expected = [x + 2.0 * lags for x, lags in zip(COUNTING, LAGGING, strict=True)]
     assert list(found) == expected
 
@@ -117,5 +124,5 @@ def test_state_of_the_motion_alone() -> None:
 
 
 def test_absent_states_and_disturbances_are_nothing() -> None:
-    assert State(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, *9 * (0.0,))
-    assert Inputs(22.0, 1.4) == (22.0, 1.4, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 6 * (0.0,))
+    assert State(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, *11 * (0.0,))
+    assert Inputs(22.0, 1.4) == (22.0, 1.4, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 6 * (0.0,))

@@ -248,7 +248,7 @@ def test_turning_sea_is_the_field_at_the_speed_of_the_ship(thesis_sea: Any) -> N
 
 
 def test_no_sea_moves_nothing() -> None:
-    assert motion(calm(), 7.0) == (0.0, 0.0, 0.0, 7.0)
+    assert motion(calm(), 7.0) == (0.0, 0.0, 0.0, 7.0, 0.0)
 
 
 def test_no_wave_height_is_calm() -> None:

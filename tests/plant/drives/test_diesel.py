@@ -16,6 +16,8 @@ from shaftline.plant.drives.diesel import (
     rack_torque,
     torque_limit,
 )
+from shaftline.plant.dynamics import settled
+from shaftline.plant.state import Inputs, State
 
 GEAR = 7.38
 IDLE, TOP = 350.0 * math.pi / 30.0, 1000.0 * math.pi / 30.0
@@ -95,14 +97,14 @@ def test_beyond_the_envelope_the_rack_has_no_slope(plant: Any) -> None:
 
 
 def test_without_a_lag_the_torque_is_the_maps(plant: Any) -> None:
-    torque, rate = drive_diesel(plant, 78.0, 22.0, 123.0)
+    torque, rate, *_ = drive_diesel(plant, 78.0, 22.0, 123.0, 0.0, 0.0)
     assert torque == pytest.approx(rack_map(78.0, 22.0))
     assert rate == 0.0
 
 
 def test_lagging_torque_is_in_force_and_follows(plant: Any) -> None:
     plant["engine_lag"] = 1.5
-    torque, rate = drive_diesel(plant, 78.0, 22.0, 9000.0)
+    torque, rate, *_ = drive_diesel(plant, 78.0, 22.0, 9000.0, 0.0, 0.0)
     assert torque == 9000.0
     assert rate == pytest.approx((rack_map(78.0, 22.0) - 9000.0) / 1.5, rel=1e-12)
 
@@ -179,3 +181,48 @@ def test_rack_stops_at_its_ends(frigate: Ship) -> None:
     start = equilibrium(frigate, 34.0, 1.4)
     beyond, at = (rack_step(frigate, rack, start) for rack in (60.0, 40.0))
     np.testing.assert_array_equal(beyond["shaft_speed"], at["shaft_speed"])
+
+
+def waiting(frigate: Ship) -> Any:
+    """The frigate's record with a smoke limit and a loading limit."""
+    return frigate.with_values(
+        {
+            "prime_mover.charge_air_lag_s": 4.0,
+            "prime_mover.smoke_limit_N_m": 17e3,
+            "prime_mover.smoke_limit_rise_N_m": 25e3,
+            "prime_mover.warmth_lag_s": 90.0,
+            "prime_mover.loading_limit_N_m": 23e3,
+            "prime_mover.loading_limit_rise_N_m": 19e3,
+        }
+    ).record()
+
+
+@pytest.mark.parametrize(
+    ("charge", "warmth", "torque"),
+    [(0.0, 1.0, 17e3), (0.4, 1.0, 27e3), (1.0, 0.0, 23e3), (1.0, 0.2, 26.8e3), (1.0, 1.0, 3e4)],
+)
+def test_a_diesel_waits_for_air_and_warmth(
+    frigate: Ship, charge: float, warmth: float, torque: float
+) -> None:
+    plant = waiting(frigate)
+    rack = rack_of_torque(plant, 80.0, 3e4)
+    found = drive_diesel(plant, 80.0, rack, 0.0, charge, warmth)
+    assert found.brake_torque == pytest.approx(torque, rel=1e-12)
+    share = torque * 80.0 / (38e3 * TOP)  # of the rated power
+    assert found.charge_rate == pytest.approx((share - charge) / 4.0, rel=1e-12)
+    assert found.warmth_rate == pytest.approx((share - warmth) / 90.0, rel=1e-12)
+
+
+def test_a_ship_settles_where_air_and_warmth_are_those_of_her_power(frigate: Ship) -> None:
+    plant = waiting(frigate)
+    plant["engine_lag"] = 0.2
+    inputs = Inputs(rack_of_torque(plant, 95.0, 33e3), 1.3)
+    found = settled(plant, State(1.3, 95.0 / GEAR, 9.0), inputs)
+    assert found.brake_torque == pytest.approx(33e3, rel=1e-9)
+    share = 33e3 * 95.0 / (38e3 * TOP)
+    assert (found.charge, found.warmth) == pytest.approx((share, share), rel=1e-9)
+
+
+def test_a_lag_of_air_needs_its_limits(frigate: Ship) -> None:
+    with pytest.raises(ShipError, match=r"smoke_limit_N_m is missing.*with a charge_air_lag_s"):
+        frigate.with_values({"prime_mover.charge_air_lag_s": 4.0})
