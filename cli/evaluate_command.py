@@ -21,7 +21,7 @@ from ..core.sweep import check_backend
 from ..display import figures
 from ..envs import DEFAULTS, FrigateEnv, get_task, tasks
 from ..observers import get_observer, observer_names
-from ..plant import Ship, get_sea, load_ship
+from ..plant import get_sea
 from .console import Backend, clear_errors, console, print_table, progress
 
 _INTERVAL = DEFAULTS.control_interval_s
@@ -43,7 +43,12 @@ def evaluate(
     observer: Annotated[list[str], typer.Option(help="Observer, or `all` of them; repeatable.")] = [  # noqa: B006
         DEFAULTS.observer
     ],
-    ship: Annotated[str, typer.Option(help="Ship: a preset or a .toml file.")] = DEFAULTS.ship,
+    ship: Annotated[
+        str | None,
+        typer.Option(
+            help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
+        ),
+    ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Episodes; equal seeds meet equal seas.")] = 20,
     episode_s: Annotated[
         float, typer.Option(min=1.0, help="Length of an episode [s].")
@@ -84,8 +89,7 @@ def evaluate(
     """
     with clear_errors():
         check_backend(jobs, backend, scheduler)
-        vessel = load_ship(ship)
-        get_task(task)
+        sailed = get_task(task).sailed(ship)
         if "all" in observer:
             observer = observer_names()
         for name in observer:
@@ -93,7 +97,6 @@ def evaluate(
         for name in sea:
             if name != "task":
                 get_sea(name)
-        sailed = _task_ship(vessel, task)
         made: dict[str, Controller] = {}
         for text in controller:
             commander = load_controller(text, sailed, _INTERVAL)
@@ -108,7 +111,7 @@ def evaluate(
             found = evaluate_all(
                 cells, make, out, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
             )
-        title = f"{vessel.name}, {task}, {seeds} episodes of {episode_s:g} s"
+        title = f"{sailed.name}, {task}, {seeds} episodes of {episode_s:g} s"
         shown = distinct(found.table)
         varied = [c for c in ("controller", "sea", "observer") if shown[c].nunique() > 1]
         print_table(shown[[*(varied or ["controller"]), *_SHOWN]], title)
@@ -131,14 +134,9 @@ def evaluate(
         console.print(f"table, cells and {picture.name}: {out}", highlight=False, soft_wrap=True)
 
 
-def _task_ship(ship: Ship, task: str) -> Ship:
-    """The ship as the task has it: what a controller is built for."""
-    return ship.with_values(dict(get_task(task).ship))
-
-
 def _last_frame(setting: Setting, controller: Controller) -> np.ndarray:  # type: ignore[type-arg]
     env = FrigateEnv(
-        ship=setting.ship,
+        ship=setting.vessel,
         task=setting.task,
         sea=None if setting.sea == "task" else setting.sea,
         observer=setting.observer,

@@ -13,7 +13,6 @@ import typer
 from ..agents import load_policy
 from ..envs import DEFAULTS, get_task, tasks
 from ..observers import get_observer
-from ..plant import load_ship
 from .console import check_folder, clear_errors, print_table, say, stages
 
 _CURVE = {
@@ -62,7 +61,12 @@ def train(
         int | None,
         typer.Option(min=1, max=4096, help="Environments at once.", show_default="recipe's"),
     ] = None,
-    ship: Annotated[str, typer.Option(help="Ship: a preset or a .toml file.")] = "frigate",
+    ship: Annotated[
+        str | None,
+        typer.Option(
+            help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
+        ),
+    ] = None,
     device: Annotated[
         Device, typer.Option(help="`auto` takes a GPU where there is one.")
     ] = Device.AUTO,
@@ -100,8 +104,7 @@ def train(
         shaftline evaluate --controller policy:out/train/transit-ppo-0/policy.npz --controller combinator
     """
     with clear_errors():
-        get_task(task)
-        load_ship(ship)
+        get_task(task).sailed(ship)
         if observer is not None:
             get_observer(observer)
         read_recipe, training = _learning()
@@ -121,7 +124,7 @@ def train(
         try:
             with stages("training") as tick:
                 policy = training.train(
-                    plan, seed, folder, ship=ship, device=device.value,
+                    plan, seed, folder, ship=ship or get_task(task).vessel, device=device.value,
                     tick=lambda done, total, said: tick(said, done, total),
                 )  # fmt: skip
         except KeyboardInterrupt:

@@ -15,7 +15,7 @@ from ..baselines.controller import OBSERVED
 from ..baselines.governor import tune
 from ..observers import get_observer
 from ..observers.base import ESTIMATE
-from ..plant import Ship, equilibrium, load_ship, realise
+from ..plant import Ship, equilibrium, realise
 from ..plant.dynamics import settled
 from ..plant.state import Inputs, State
 from ..plant.stepping import Disturbance, prepare
@@ -89,7 +89,7 @@ class Batch:
     def __init__(self, n: int, settings: Settings) -> None:
         self.settings = settings
         self.task = get_task(settings.task)
-        self.ship = load_ship(settings.ship).with_values(dict(self.task.ship))
+        self.ship = self.task.sailed(settings.ship)
         if not (self.ship.has_diesel and self.ship.moves and self.ship.has_propeller):
             raise ValueError(
                 f"{self.ship.name}: the environment needs a diesel ship that moves by a propeller"

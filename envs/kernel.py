@@ -17,6 +17,7 @@ from ..baselines.governor import govern
 from ..core.compiled import Record, compiled
 from ..observers.base import Measurement
 from ..observers.registry import update
+from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.stepping import Disturbance, observe, step
 from ..plant.term_kernel import NO_SIGNALS
 from .randomness import normal
@@ -97,6 +98,10 @@ def first_observation(
             disturbance(episode, 0.0), dt,
         )  # fmt: skip
         episode.gauge_torque = episode.mean_torque = outputs.shaft_torque
+        episode.mean_brake_torque = outputs.brake_torque
+        episode.mean_attack = effective_attack(
+            env.plant, outputs.advance_velocity, state.shaft_speed, outputs.pitch_ratio
+        )
         _measure(
             env, common.noise, outputs.shaft_acceleration,
             outputs.advance_velocity, env.memory.speed_log, speed_order(episode, 0.0),
@@ -175,11 +180,19 @@ def control_interval(
             )  # fmt: skip
             torque_before = episode.gauge_torque
             episode.gauge_torque = outputs.shaft_torque
-            episode.mean_torque += dt / MEAN_S * (outputs.shaft_torque - episode.mean_torque)
+            attack = effective_attack(
+                plant, outputs.advance_velocity, shaft_speed, outputs.pitch_ratio
+            )
+            outside = outside_bucket(plant, attack, shaft_speed, outputs.submergence)
+            fading = dt / MEAN_S
+            episode.mean_torque += fading * (outputs.shaft_torque - episode.mean_torque)
+            episode.mean_brake_torque += fading * (outputs.brake_torque - episode.mean_brake_torque)
+            episode.mean_attack += fading * (attack - episode.mean_attack)
             fuel = fuel_of_all(plant, shaft_speed, outputs.brake_torque)
             now = Instant(
                 order, ship_speed, shaft_speed, memory.rack, drive, episode.drive, torque_before,
-                episode.mean_torque, dt,
+                episode.mean_torque, episode.mean_brake_torque, attack, episode.mean_attack, outside,
+                dt,
             )  # fmt: skip
             add_terms(terms, plant, outputs, now, share, fuel)
             episode.drive = drive
@@ -192,6 +205,9 @@ def control_interval(
             truth.shaft_torque = outputs.shaft_torque
             truth.brake_torque = outputs.brake_torque
             truth.position = state.position
+            truth.blade_pitch = outputs.pitch_ratio
+            truth.angle_of_attack = attack
+            truth.outside_bucket = outside
             _measure(
                 env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity,
                 log, order,

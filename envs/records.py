@@ -28,6 +28,8 @@ EPISODE = np.dtype(
         ("drive", np.float64),
         ("gauge_torque", np.float64),  # last sample [N m]
         ("mean_torque", np.float64),  # over the last MEAN_S [N m]
+        ("mean_brake_torque", np.float64),  # likewise of one engine [N m]
+        ("mean_attack", np.float64),  # likewise of the blades' angle of attack [deg]
         ("measured_shaft_speed", np.float64),  # last reading, for the governor [rad/s]
         ("integral", np.float64),  # of the governor [mm]
     ],
@@ -55,6 +57,9 @@ TRUTH = np.dtype(
         ("shaft_torque", np.float64),  # at the gauge [N m]
         ("brake_torque", np.float64),  # of one engine [N m]
         ("position", np.float64),  # along the track, at the step's end [m]
+        ("blade_pitch", np.float64),  # P/D [-]
+        ("angle_of_attack", np.float64),  # effective, of the blades [deg]
+        ("outside_bucket", np.float64),  # how far it lies outside the cavitation bucket [deg]
     ]
 )
 """What ``info`` tells of the truth: at the beginning of an interval's last step, as the observation."""

@@ -41,6 +41,17 @@ class Weights(BaseModel):
         ge=0,
         description="|M_m - its mean over the last 20 s|: what a standard deviation counts",
     )
+    engine_swing_kN_m: float = Field(
+        0.0,
+        ge=0,
+        description="the same of the engine's torque: |M_b - its mean over the last 20 s|",
+    )
+    attack_swing_deg: float = Field(
+        0.0, ge=0, description="the same of the blades' effective angle of attack"
+    )
+    outside_bucket_deg: float = Field(
+        0.0, ge=0, description="angle of attack beyond the cavitation bucket"
+    )
     failure: float = Field(
         500.0,
         ge=0,
@@ -66,6 +77,10 @@ class Instant(NamedTuple):
     drive_before: float  # at the last step [mm]
     torque_before: float  # at the gauge, at the last step [N m]
     mean_torque: float  # at the gauge over the last 20 s [N m]
+    mean_brake_torque: float  # likewise of one engine [N m]
+    attack: float  # effective angle of attack of the blades [deg]
+    mean_attack: float  # likewise over the last 20 s [deg]
+    outside_bucket: float  # how far it lies outside the cavitation bucket [deg]
     dt: float  # [s]
 
 
@@ -101,6 +116,9 @@ def add_terms(
     terms.overspeed += share * max(engine_speed / plant.engine_speed_max - 1.0, 0.0)
     terms.speed_error_squared_m2_s2 += share * error**2
     terms.torque_swing_kN_m += share * 1e-3 * abs(outputs.shaft_torque - now.mean_torque)
+    terms.engine_swing_kN_m += share * 1e-3 * abs(outputs.brake_torque - now.mean_brake_torque)
+    terms.attack_swing_deg += share * abs(now.attack - now.mean_attack)
+    terms.outside_bucket_deg += share * now.outside_bucket
 
 
 @compiled

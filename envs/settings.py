@@ -27,8 +27,8 @@ class Settings:
     """Keywords of an environment.
 
     Args:
-        ship: preset, path or Ship; a diesel ship that moves.
-        task: ``speed-keeping``, ``transit``, ``storm``, a Task, or a dictionary of its fields.
+        ship: preset, path or Ship; a diesel ship that moves; by default the one of the task.
+        task: a name (``shaftline list`` tells them), a Task, or a dictionary of its fields.
         observer: name of the observer; ``oracle`` shows the truth.
         tuning: its tuning.
         sea: preset; parameters, such as ``{"hs_m": (1.0, 5.0), "tp_s": 9.0}``, where a pair is a range
@@ -43,7 +43,7 @@ class Settings:
             of a governor that runs at the plant's time step.
     """
 
-    ship: Any = "frigate"
+    ship: Any = None
     task: Any = "speed-keeping"
     observer: str = "random-walk-kalman"
     tuning: str | None = None

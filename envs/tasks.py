@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from ..plant import Ship, load_ship
 from .rewards import Weights
 
 
@@ -26,10 +27,14 @@ Range = Annotated[tuple[float, float], AfterValidator(_rising)]
 """Lowest and highest value of what an episode draws."""
 
 
+TaskSea = str | dict[str, float | Range]
+"""A sea of a task: a preset, or parameters, of which an episode draws each that is a range."""
+
+
 class HeldOut(_Model):
     """What a task's training never draws, to judge on."""
 
-    seas: tuple[str, ...] = Field(min_length=1)
+    seas: tuple[TaskSea, ...] = Field(min_length=1)
     resistance_rise: Range
     resistance_swing: float = Field(ge=0, lt=1)
 
@@ -38,7 +43,8 @@ class Task(_Model):
     """One task."""
 
     description: str
-    seas: tuple[str, ...] = Field(min_length=1, description="presets, one drawn an episode")
+    vessel: str = Field("frigate", description="ship that it is made for, a preset")
+    seas: tuple[TaskSea, ...] = Field(min_length=1, description="one drawn an episode")
     speed_order_m_s: Range = Field(description="range of the orders")
     order_interval_s: float = Field(gt=0, description="time between new orders")
     resistance_rise: Range = Field(description="range of the mean rise")
@@ -46,6 +52,17 @@ class Task(_Model):
     weights: Weights
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
     held_out: HeldOut | None = None
+
+    def sailed(self, ship: Any = None) -> Ship:
+        """A ship as the task has it, which is what its controllers are built for.
+
+        Args:
+            ship: preset, path or Ship; the one that the task is made for by default.
+
+        Raises:
+            ShipError: it cannot be read, or the task changes what it does not have.
+        """
+        return load_ship(self.vessel if ship is None else ship).with_values(dict(self.ship))
 
 
 HELD_OUT = "held-out"

@@ -1,16 +1,23 @@
-"""Cavitation: thrust loading against Burrill's line of 5 % back cavitation.
+"""Cavitation: thrust loading against Burrill's line, and the blades' angle of attack in its bucket.
 
 Burrill & Emerson (1963) draw the thrust loading tau_c of the projected blade area at which a given
 share of the blades' backs cavitates, over the cavitation number sigma at 0.7 R. Their chart has no
 printed formula; the power curve below is the one that designers commonly use for its 5 % line.
+
+A propeller in waves or while accelerating leaves its design point long before that: Vrijdag, de Jong
+and van Nuland (2013) hold the effective angle of attack of the section at 0.7 R inside the cavitation
+bucket, the range of angles in which no sheet has begun, which narrows with the cavitation number.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
+from .keys import INF, Section, number
 from .surroundings import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
 
 LINE_FACTOR, LINE_OFFSET, LINE_EXPONENT = 0.28, 0.03, 0.57
@@ -57,3 +64,65 @@ def burrill_ratio(
     expanded = plant.expanded_area_ratio * (0.25 * math.pi) * plant.diameter * plant.diameter
     projected = expanded * (1.067 - 0.229 * pitch_ratio)
     return thrust / (dynamic * projected) / burrill_limit(pressure / dynamic)
+
+
+class CavitationBucket(Section):
+    """Angles of attack of the blades at which no sheet cavitation begins; without one, all of them."""
+
+    needs = "has_propeller"
+
+    pitch_factor: float = number(
+        "c1: effective over geometric pitch angle", record="attack_pitch_factor", gt=0, le=2,
+        default=1.0,
+    )  # fmt: skip
+    inflow_factor: float = number(
+        "c2: inflow at the section over v_a", record="attack_inflow_factor", gt=0, le=2, default=1.0
+    )
+    centre_deg: float = number(
+        "angle of attack to which the bucket narrows", "deg", record="bucket_centre", ge=-10,
+        le=20, default=0.0,
+    )  # fmt: skip
+    suction_deg: float = number(
+        "its width to the suction side per unit of sigma_n", "deg", record="bucket_suction", gt=0,
+        default=INF,
+    )  # fmt: skip
+    pressure_deg: float = number(
+        "its width to the pressure side per unit of sigma_n", "deg", record="bucket_pressure", gt=0,
+        default=INF,
+    )  # fmt: skip
+
+
+@compiled
+def effective_attack(
+    plant: Record, advance_velocity: Real, shaft_speed: Real, pitch_ratio: Real
+) -> Real:
+    """Effective angle of attack [deg] of the blade section at 0.7 R (Vrijdag et al. 2013, eq. 1).
+
+    alpha = c1 arctan(P/D / (0.7 pi)) - arctan(c2 v_a / (0.7 pi n D)); 0 for a shaft that does not turn
+    ahead.
+    """
+    if shaft_speed.real <= 0.0:
+        return 0.0
+    around = 0.35 * plant.diameter * shaft_speed  # 0.7 pi n D
+    pitch_angle = np.arctan(pitch_ratio / (0.7 * math.pi))
+    inflow_angle = np.arctan(plant.attack_inflow_factor * advance_velocity / around)
+    return (plant.attack_pitch_factor * pitch_angle - inflow_angle) * (180.0 / math.pi)
+
+
+@compiled
+def outside_bucket(plant: Record, attack: Real, shaft_speed: Real, submergence: Real) -> Real:
+    """How far [deg] an angle of attack lies outside the cavitation bucket; 0 inside.
+
+    Args:
+        plant: ship record.
+        attack: :func:`effective_attack` [deg].
+        shaft_speed: omega [rad/s], for sigma_n = (p - p_v) / (rho n^2 D^2 / 2).
+        submergence: depth of the propeller's centre [m].
+    """
+    tip = plant.diameter * shaft_speed / (2.0 * math.pi)  # n D
+    if min(plant.bucket_suction, plant.bucket_pressure) == math.inf or tip * tip < _AT_REST:
+        return 0.0
+    pressure = ATMOSPHERE - VAPOUR_PRESSURE + plant.density * GRAVITY * submergence
+    sigma = max(pressure, 0.0) / (0.5 * plant.density * tip * tip)
+    beyond = attack - plant.bucket_centre
+    return max(beyond - plant.bucket_suction * sigma, -beyond - plant.bucket_pressure * sigma, 0.0)

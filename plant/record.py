@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .actuators import PitchActuator
+from .cavitation import CavitationBucket
 from .drives import DRIVES
 from .hull import Hull
 from .keys import Section, record_field
@@ -19,7 +20,8 @@ from .terms import RECORD_FIELDS, Term, add_term
 from .ventilation import Ventilation
 
 SECTIONS: tuple[type[Section], ...] = (
-    Water, Hull, Propeller, Ventilation, *DRIVES, Transmission, PitchActuator, Sensors, Integration,
+    Water, Hull, Propeller, Ventilation, CavitationBucket, *DRIVES, Transmission, PitchActuator,
+    Sensors, Integration,
 )  # fmt: skip
 """Every section whose numbers the kernels read."""
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from .actuators import PitchActuator
+from .cavitation import CavitationBucket
 from .drives import Diesel, Drive
 from .expressions import FUNCTIONS
 from .hull import Hull
@@ -50,6 +51,7 @@ class Ship(Section):
     hull: Hull
     propeller: Propeller
     ventilation: Ventilation = Ventilation()
+    cavitation_bucket: CavitationBucket = CavitationBucket()
     prime_mover: Annotated[Drive, Field(discriminator="type")]
     transmission: Transmission = Transmission()
     pitch_actuator: PitchActuator = PitchActuator()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...baselines.controller import Predictor, readings
 from ...envs import DEFAULTS, FrigateVectorEnv
 from ...envs.records import TRUTHS
-from ...envs.tasks import Task
+from ...envs.tasks import Task, get_task
 from .kpis import EpisodeSums
 
 
@@ -26,7 +26,7 @@ class Setting:
         sea: preset, or ``task`` for those of the task.
         observer: name.
         seeds: episodes, one a seed.
-        ship: preset or path.
+        ship: preset or path; the one that the task is made for by default.
         episode_s: length of an episode [s].
         sensor_noise: factor on the usual instruments', or rms by instrument [its unit].
         task_model: the task itself, where it is not the one that ``task`` names.
@@ -38,16 +38,21 @@ class Setting:
     sea: str
     observer: str
     seeds: int
-    ship: str = DEFAULTS.ship
+    ship: str | None = None
     episode_s: float = DEFAULTS.episode_s
     sensor_noise: Any = DEFAULTS.sensor_noise
     task_model: Task | None = None
     first_seed: int = 0
 
     @property
+    def vessel(self) -> str:
+        """The ship that sails: preset or path."""
+        return self.ship or (self.task_model or get_task(self.task)).vessel
+
+    @property
     def name(self) -> str:
         """File name of the cell; differs where any field differs."""
-        fields = asdict(self)
+        fields = asdict(self) | {"ship": self.vessel}
         del fields["task_model"]  # of a single run; no cell has one
         text = "_".join(map(str, fields.values()))
         return "".join(c if c.isalnum() or c in "-._" else "-" for c in text)
@@ -74,7 +79,7 @@ def run_episodes(
     env = FrigateVectorEnv(
         setting.seeds,
         threads=threads,
-        ship=setting.ship,
+        ship=setting.vessel,
         task=setting.task_model or setting.task,
         sea=None if setting.sea == "task" else setting.sea,
         observer=setting.observer,

@@ -9,7 +9,35 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...envs.kernel import MEAN_S
+
 _NAUTICAL_MILE = 1852.0
+
+
+SWINGS = ("torque", "engine_torque", "power", "attack")
+"""Signals whose part in the wave band is told: what departs from their mean over the last MEAN_S."""
+
+
+class _Swing:
+    """Rms of what departs from a running mean over MEAN_S, one entry a seed."""
+
+    def __init__(self, n: int, interval_s: float) -> None:
+        self.fading = interval_s / MEAN_S
+        self.mean: NDArray[np.float64] | None = None
+        self.square, self.count = np.zeros((2, n))
+
+    def add(self, alive: Any, signal: NDArray[np.float64]) -> None:
+        """Take one control interval of those episodes that still run."""
+        if self.mean is None:
+            self.mean = signal.copy()
+        self.mean += self.fading * (signal - self.mean)
+        self.square += alive * (signal - self.mean) ** 2
+        self.count += alive
+
+    @property
+    def rms(self) -> NDArray[np.float64]:
+        """In the signal's unit."""
+        return np.asarray(np.sqrt(self.square / self.count))
 
 
 class EpisodeSums:
@@ -29,6 +57,12 @@ class EpisodeSums:
         self.cavitation, self.ventilation, self.thrust, self.reward = np.zeros((4, n))
         self.power, self.power_peak, self.distance, self.short = np.zeros((4, n))
         self.failed = np.zeros(n, dtype=bool)
+        self.pitch_travel, self.outside = np.zeros((2, n))
+        self.pitch = np.full(n, np.nan)
+        self.attack: list[
+            NDArray[np.float64]
+        ] = []  # angles of attack; nan where an episode is over
+        self.swings = {name: _Swing(n, interval_s) for name in SWINGS}
 
     def add(self, alive: Any, info: dict[str, Any], reward: Any, order: Any) -> None:
         """Take one control interval of those episodes that still run.
@@ -62,6 +96,22 @@ class EpisodeSums:
         self.reward += alive * reward
         self.distance = np.where(alive, info["position"], self.distance)
         self.failed |= alive & (terms["failure"] > 0.0)
+        self.outside += alive * (info["outside_bucket"] > 0.0) * interval
+        moved = np.abs(info["blade_pitch"] - self.pitch)
+        self.pitch_travel += np.where(alive & np.isfinite(moved), moved, 0.0)
+        self.pitch = info["blade_pitch"]
+        self.attack.append(np.where(alive, info["angle_of_attack"], np.nan))
+        for name, signal in zip(
+            SWINGS,
+            (torque, info["brake_torque"] * 1e-3, power, info["angle_of_attack"]),
+            strict=True,
+        ):
+            self.swings[name].add(alive, signal)
+
+    @property
+    def attack_99(self) -> NDArray[np.float64]:
+        """99th percentile of the angle of attack [deg]."""
+        return np.asarray(np.nanpercentile(self.attack, 99.0, axis=0))
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -107,6 +157,22 @@ _DECLARED = {
     "thrust_mean_kN": _Kpi("mean thrust of one propeller [kN]", lambda s: s.thrust / s.count),
     "power_mean_kW": _Kpi("mean brake power of one engine [kW]", lambda s: s.power / s.count),
     "power_peak_kW": _Kpi("highest brake power of one engine [kW]", lambda s: s.power_peak),
+    "wave_torque_kN_m": _Kpi(
+        "swing of the shaft torque in waves: rms about its mean over 20 s [kN m]",
+        lambda s: s.swings["torque"].rms,
+    ),
+    "wave_engine_torque_kN_m": _Kpi(
+        "the same of one engine's torque [kN m]", lambda s: s.swings["engine_torque"].rms
+    ),
+    "wave_power_kW": _Kpi("the same of one engine's power [kW]", lambda s: s.swings["power"].rms),
+    "wave_attack_deg": _Kpi(
+        "the same of the blades' effective angle of attack [deg]", lambda s: s.swings["attack"].rms
+    ),
+    "attack_99_deg": _Kpi("99th percentile of that angle [deg]", lambda s: s.attack_99),
+    "outside_bucket_s": _Kpi("time outside the cavitation bucket [s]", lambda s: s.outside),
+    "pitch_travel_min": _Kpi(
+        "travel of the blades' P/D [1/min]", lambda s: s.pitch_travel / s.time * 60.0
+    ),
     "failed": _Kpi(
         "episodes that stalled or tripped [share]", lambda s: s.failed.astype(np.float64)
     ),

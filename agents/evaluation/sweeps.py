@@ -88,7 +88,7 @@ def evaluate(
     found = episodes(settings, make, folder, **spread)
     rows = []
     for setting, kept in zip(settings, found, strict=True):
-        row: dict[str, Any] = asdict(setting)
+        row: dict[str, Any] = asdict(setting) | {"ship": setting.vessel}
         del row["task_model"]  # no cell of a table
         for name, (middle, low, high) in summary(kept.kpis).items():
             row |= {name: middle, f"{name}_low": low, f"{name}_high": high}
@@ -123,7 +123,7 @@ def episodes(
     """
     alone = backend == "processes" and (jobs == 1 or len(settings) == 1)
     work = functools.partial(_sail, make, None if alone else 1)
-    cells = {f"{setting.name}_{_version(setting.ship)}": setting for setting in settings}
+    cells = {f"{setting.name}_{_version(setting.vessel)}": setting for setting in settings}
     found = sweep(
         work, cells, folder / "cells", jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
     )

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...baselines.controller import OBSERVED, Controller, Readings
 from ...core.files import write_atomically
 from ...envs.tasks import get_task
-from ...plant import Ship, load_ship
+from ...plant import Ship
 from .pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
 
 FORMAT = 1
@@ -181,7 +181,7 @@ class Policy(Controller):
 
 def trained_on(about: Mapping[str, Any]) -> Ship:
     """The ship of a policy's training, as its task has it."""
-    return load_ship(about["ship_source"]).with_values(dict(get_task(about["recipe"]["task"]).ship))
+    return get_task(about["recipe"]["task"]).sailed(about["ship_source"])
 
 
 def trained() -> dict[str, Path]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ...plant.ship import Ship
 from ..progress import Tick, silent
 from ..recordings.joint import Recorded
 from .free import AUTO
-from .identifiable import UntoldError
+from .identifiable import TELLING, UntoldError
 from .pipeline import identify
 from .start import Start
 
@@ -71,4 +71,17 @@ def calibrated(
         if keys:  # of its own choice, what was left out is no surprise
             remarks += [f"calibration: {key} stays as it is: {why}" for key, why in left.items()]
         told = tuple(estimate.key for estimate in found.estimates)
-        return Start(ship, found.identified, calibrated=told, left=left, remarks=tuple(remarks))
+        start = _unsure(found.identified, left)
+        return Start(ship, start, calibrated=told, left=left, remarks=tuple(remarks))
+
+
+def _unsure(ship: Ship, left: Iterable[str]) -> Ship:
+    """The ship with tolerances of what the healthy period does not tell: as far off as it lets be.
+
+    Whoever calibrates does not trust the file. A number that is not told may be off by as much as those
+    that were found, and would else come back as missing physics.
+    """
+    known = ship.tolerances.numbers
+    numbers = (ship.number(key) for key in left if ship.has_key(key))
+    wide = {n.key: max(TELLING * abs(n.value), known.get(n.key, 0.0)) for n in numbers}
+    return ship.with_values({"tolerances.numbers": known | wide}) if wide else ship

@@ -23,7 +23,7 @@ from ...baselines.registry import make_controller
 from ...baselines.steady_points import steady_point
 from ...envs import DEFAULTS
 from ...envs.tasks import HELD_OUT, get_task
-from ...plant import Ship, load_ship
+from ...plant import Ship
 
 BASELINES = {
     "transit": ("combinator", "cpp-optimiser", "speed-pilot"),
@@ -163,7 +163,7 @@ def compare(
     """
     apart = f"{task}:{HELD_OUT}"
     model = get_task(apart)
-    ship = load_ship("frigate").with_values(dict(model.ship))
+    ship = model.sailed()
     policy = load_policy(source, ship)
     # the cells of one set of weights must not be taken for those of the next
     own = f"{POLICY} {version_of(source)}"

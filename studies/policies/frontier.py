@@ -24,7 +24,6 @@ from ...core.files import write_atomically, write_text
 from ...display import figures
 from ...display.tables import markdown
 from ...envs.tasks import HELD_OUT, get_task
-from ...plant import load_ship
 from .comparison import FIRST_SEED, OBSERVER, difference
 
 GAINS = (1.0, 2.0, 4.0)
@@ -45,7 +44,7 @@ def specification(gain: float, offset: float) -> str:
 
 
 def _make(names: dict[str, str], setting: Setting) -> Controller:
-    ship = load_ship(setting.ship).with_values(dict(get_task(setting.task).ship))
+    ship = get_task(setting.task).sailed(setting.ship)
     return load_controller(names[setting.controller], ship, 0.5)
 
 

@@ -16,11 +16,10 @@ from ...baselines.registry import make_controller
 from ...display import figures
 from ...envs import FrigateEnv, get_task, tasks
 from ...envs.rewards import TERMS
-from ...plant import load_ship
 
 SEED = 0
-SEAS = {"speed-keeping": "state-5", "transit": "state-5", "storm": "state-7"}
-"""The sea of each task's episode: a rough one of those that the task draws from."""
+SEAS = dict.fromkeys(tasks(), "state-5") | {"storm": "state-7"}
+"""The sea of each task's episode: a rough one."""
 
 _INTERVAL_S = 0.5
 _MEAN_S = 5.0  # running mean, about half a wave: single waves would hide the rest
@@ -28,7 +27,7 @@ _MEAN_S = 5.0  # running mean, about half a wave: single waves would hide the re
 
 def sailed(task: str) -> pd.DataFrame:
     """Weighted terms of the combinator's episode, one row a control interval; index: time [s]."""
-    ship = load_ship("frigate").with_values(dict(get_task(task).ship))
+    ship = get_task(task).sailed()
     controller = make_controller("combinator", ship, _INTERVAL_S)
     env = FrigateEnv(task=task, sea=SEAS[task], control_interval_s=_INTERVAL_S)
     weights = get_task(task).weights.model_dump()

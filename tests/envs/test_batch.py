@@ -222,8 +222,10 @@ def begun(**options: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-STARTS = {"pitch_command", "drive", "integral", "gauge_torque", "mean_torque",
-          "measured_shaft_speed", "speed"}  # fmt: skip
+LOADED = {"gauge_torque", "mean_torque", "mean_attack"}
+"""What the waves act on at once."""
+STARTS = {"pitch_command", "drive", "integral", "measured_shaft_speed", "mean_brake_torque",
+          "speed", *LOADED}  # fmt: skip
 """What follows from the ship's speed at the beginning."""
 
 
@@ -235,12 +237,12 @@ STARTS = {"pitch_command", "drive", "integral", "gauge_torque", "mean_torque",
         ({"order_interval_s": 20.0}, {"order_interval"}),
         ({"initial_speed_m_s": 6.0}, STARTS),
         ({"resistance_rise": 0.5}, {"resistance_mean"}),
-        ({"sea": "calm"}, {"sea", "waves", "gauge_torque", "mean_torque"}),
-        ({"sea": "state-7"}, {"sea", "waves", "gauge_torque", "mean_torque"}),
-        ({"sea": ["state-7"]}, {"sea", "waves", "gauge_torque", "mean_torque"}),
+        ({"sea": "calm"}, {"sea", "waves", *LOADED}),
+        ({"sea": "state-7"}, {"sea", "waves", *LOADED}),
+        ({"sea": ["state-7"]}, {"sea", "waves", *LOADED}),
         (
             {"sea": {"hs_m": (1.0, 5.0), "tp_s": 9.0}},
-            {"sea", "waves", "gauge_torque", "mean_torque"},
+            {"sea", "waves", *LOADED},
         ),
     ],
 )

@@ -25,7 +25,7 @@ from shaftline.observers import get_observer, update
 from shaftline.observers.base import ESTIMATE, Measurement
 from shaftline.observers.torque_curve import model_torque
 from shaftline.plant import Ship, load_ship
-from shaftline.plant.cavitation import burrill_ratio
+from shaftline.plant.cavitation import burrill_ratio, effective_attack, outside_bucket
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
 from shaftline.plant.term_kernel import NO_SIGNALS
 
@@ -37,6 +37,8 @@ FAULTY = load_ship("frigate").with_values(
         "propeller.inflow_lag_s": 0.5, "sensors.pitch_offset": 0.02,
         "sensors.torque_bias_N_m": 2000.0, "sensors.torque_gain": 1.1,
         "sensors.speed_log_lag_s": 3.0, "propeller.expanded_area_ratio": 0.5,
+        "cavitation_bucket.centre_deg": 4.0, "cavitation_bucket.suction_deg": 0.05,
+        "cavitation_bucket.pressure_deg": 0.1,
     }
 )  # fmt: skip
 """Every reading of this ship differs from the truth, and the rack from its command; she cavitates."""
@@ -80,7 +82,11 @@ def test_observation_and_truth_are_the_plants_at_the_intervals_last_step(mode: s
             "fuel_flow": now.fuel, "ventilation": now.ventilation_after,
             "ship_speed": now.ship_speed, "shaft_speed": now.shaft_speed,
             "shaft_torque": now.outputs.shaft_torque, "brake_torque": now.outputs.brake_torque,
-            "position": now.position_after,
+            "position": now.position_after, "blade_pitch": now.outputs.pitch_ratio,
+            "angle_of_attack": attack_of(hand.plant, now),
+            "outside_bucket": outside_bucket(
+                hand.plant, attack_of(hand.plant, now), now.shaft_speed, now.outputs.submergence
+            ),
         }  # fmt: skip
         assert {name: info[name] for name in truth} == pytest.approx(truth, rel=1e-9)
         assert len({*expected, *truth.values()}) >= len(expected) + len(truth) - 2
@@ -102,6 +108,8 @@ def test_the_first_observation_is_of_the_beginning() -> None:
         np.asarray([now.log, now.outputs.advance_velocity], np.float32)
     )
     assert own["gauge_torque"] == own["mean_torque"] == pytest.approx(now.outputs.shaft_torque)
+    assert own["mean_brake_torque"] == pytest.approx(now.outputs.brake_torque)
+    assert own["mean_attack"] == pytest.approx(attack_of(hand.plant, now))
 
 
 def test_a_speed_is_observed_as_the_log_reads_it() -> None:
@@ -111,10 +119,21 @@ def test_a_speed_is_observed_as_the_log_reads_it() -> None:
     assert abs(seen[5] - info["ship_speed"]) > 0.015 > abs(first[5] - 9.0)
 
 
-def by_formula(plant: Any, moments: list[Moment], before: Moment, means: list[float]) -> Any:
+def attack_of(plant: Any, now: Moment) -> float:
+    out = now.outputs
+    return float(effective_attack(plant, out.advance_velocity, now.shaft_speed, out.pitch_ratio))
+
+
+def swinging(plant: Any, now: Moment) -> Any:
+    """What has a mean over 20 s: torque at the gauge, of one engine, angle of attack."""
+    return np.array([now.outputs.shaft_torque, now.outputs.brake_torque, attack_of(plant, now)])
+
+
+def by_formula(plant: Any, moments: list[Moment], before: Moment, means: list[Any]) -> Any:
     """Terms of an interval, from the plant's own equations."""
     rows = []
     for last, now, mean in zip([before, *moments], moments, means, strict=False):
+        swing = np.abs(swinging(plant, now) - mean)
         engine = plant["gear_ratio"] * now.shaft_speed
         out, error = now.outputs, now.ship_speed - now.order
         asked = rack_torque(plant, engine, now.rack) / torque_limit(plant, engine)
@@ -130,7 +149,12 @@ def by_formula(plant: Any, moments: list[Moment], before: Moment, means: list[fl
                 "cavitation": max(burrill - 1.0, 0.0),
                 "overspeed": max(engine / plant["engine_speed_max"] - 1.0, 0.0),
                 "speed_error_squared_m2_s2": error**2,
-                "torque_swing_kN_m": 1e-3 * abs(out.shaft_torque - mean),
+                "torque_swing_kN_m": 1e-3 * swing[0],
+                "engine_swing_kN_m": 1e-3 * swing[1],
+                "attack_swing_deg": swing[2],
+                "outside_bucket_deg": outside_bucket(
+                    plant, attack_of(plant, now), now.shaft_speed, out.submergence
+                ),
             }
         )
     return {name: np.mean([row[name] for row in rows]) for name in rows[0]}
@@ -140,7 +164,8 @@ def by_formula(plant: Any, moments: list[Moment], before: Moment, means: list[fl
 def test_reward_terms_are_means_over_the_interval(mode: str) -> None:
     env, hand, _ = storm(action_mode=mode)
     start = env.batch.arrays.episodes[0].copy()
-    mean = torque = float(start["gauge_torque"])
+    torque = float(start["gauge_torque"])
+    mean = np.array([torque, start["mean_brake_torque"], start["mean_attack"]])
     before: Any = None
     met: dict[str, float] = {}
     for action in PLAN:
@@ -151,7 +176,7 @@ def test_reward_terms_are_means_over_the_interval(mode: str) -> None:
             before = moments[0]._replace(outputs=stand_in, drive=float(start["drive"]))
         means = []
         for now in moments:
-            mean += 0.05 / 20.0 * (now.outputs.shaft_torque - mean)
+            mean = mean + 0.05 / 20.0 * (swinging(hand.plant, now) - mean)
             means.append(mean)
         expected = by_formula(hand.plant, moments, before, means)
         found = dict(info["reward_terms"])

@@ -29,7 +29,8 @@ SPEED = 10.0  # of the shaft [rad/s]
 LIMIT = 15e3 + 467.0 * (GEAR * SPEED - LOWEST)  # of the brake torque there [N m]
 QUIET = Instant(
     order=8.0, ship_speed=8.0, shaft_speed=SPEED, rack=10.0, drive=10.0, drive_before=10.0,
-    torque_before=2e5, mean_torque=2e5, dt=0.05,
+    torque_before=2e5, mean_torque=2e5, mean_brake_torque=2e4, attack=3.0, mean_attack=3.0,
+    outside_bucket=0.0, dt=0.05,
 )  # fmt: skip
 """No term but the fuel's has anything to say."""
 
@@ -42,6 +43,7 @@ def rack_at(torque: float, shaft_speed: float = SPEED) -> float:
 def outputs(**values: float) -> Outputs:
     plain = dict.fromkeys(Outputs._fields, 0.0) | {
         "pitch_ratio": 1.2, "advance_velocity": 7.0, "submergence": 4.0, "shaft_torque": 2e5,
+        "brake_torque": 2e4,
     }  # fmt: skip
     return Outputs(**(plain | values))
 
@@ -104,6 +106,21 @@ def test_torque_swing_is_the_distance_from_the_mean(mean: float) -> None:
     )
 
 
+@pytest.mark.parametrize("mean", [1.5e4, 2.5e4])
+def test_engine_swing_is_that_of_the_brake_torque(mean: float) -> None:
+    assert terms_of(QUIET._replace(mean_brake_torque=mean), share=0.25) == pytest.approx(
+        {"engine_swing_kN_m": 0.25 * 5.0}
+    )
+
+
+@pytest.mark.parametrize("attack", [1.0, 5.0])
+def test_attack_swing_and_what_lies_outside_the_bucket_are_in_degrees(attack: float) -> None:
+    now = QUIET._replace(attack=attack, outside_bucket=0.4)
+    assert terms_of(now, share=0.25) == pytest.approx(
+        {"attack_swing_deg": 0.25 * 2.0, "outside_bucket_deg": 0.25 * 0.4}
+    )
+
+
 @pytest.mark.parametrize("before", [9.0, 11.0])
 def test_rack_travel_is_a_sum_not_a_mean(before: float) -> None:
     assert terms_of(QUIET._replace(drive_before=before), share=0.1) == {"rack_travel_mm": 1.0}
@@ -145,7 +162,7 @@ def test_the_reward_is_minus_the_weighted_sum() -> None:
     weights, terms = np.zeros((2, 1), REWARD_TERMS)[:, 0]
     for i, name in enumerate(TERMS):
         weights[name], terms[name] = 10.0**i, i + 1.0
-    assert reward_of(weights, terms) == -10987654321.0
+    assert reward_of(weights, terms) == -sum((i + 1.0) * 10.0**i for i in range(len(TERMS)))
     for name in TERMS:
         alone = np.zeros(1, REWARD_TERMS)[0]
         alone[name] = 2.0
@@ -156,7 +173,7 @@ def test_weights_are_costs_and_few_have_a_default() -> None:
     needed = [name for name, field in Weights.model_fields.items() if field.is_required()]
     assert needed == list(TERMS[:7])
     plain = Weights(**dict.fromkeys(needed, 0.0))
-    assert [getattr(plain, name) for name in TERMS[7:]] == [0.0, 0.0, 500.0]
+    assert [getattr(plain, name) for name in TERMS[7:]] == [*5 * (0.0,), 500.0]
     with pytest.raises(ValidationError, match="frozen"):
         plain.overload = 1.0
     with pytest.raises(ValidationError, match="finite"):
@@ -168,19 +185,16 @@ def test_weights_are_costs_and_few_have_a_default() -> None:
 
 def test_the_page_tells_every_term_as_it_is_declared() -> None:
     page = (Path(__file__).parents[2] / "docs/environment.md").read_text(encoding="utf-8")
-    table = re.search(r"\| term \|.*?\n\n", page, re.DOTALL)
-    assert table is not None
-    rows = [line.strip("| ").split(" | ") for line in table[0].splitlines()[2:-1]]
-    told = {
-        name.strip("`"): (meaning.replace("\\|", "|"), *map(float, weights))
-        for name, meaning, *weights, _ in rows
+    terms, weights, asked = (
+        [line.strip("| ").split(" | ") for line in found.splitlines()[2:-1]]
+        for found in re.findall(r"\| (?:term|weight|task) \|.*?\n\n", page, re.DOTALL)
+    )
+    assert {name.strip("`"): meaning.replace("\\|", "|") for name, meaning, _ in terms} == {
+        name: field.description for name, field in Weights.model_fields.items()
     }
-    declared = {
-        name: (
-            field.description,
-            *(getattr(tasks()[t].weights, name) for t in ("speed-keeping", "transit", "storm")),
-        )
-        for name, field in Weights.model_fields.items()
+    assert {name.strip("`"): [*map(float, row)] for name, *row in weights} == {
+        name: [getattr(task.weights, name) for task in tasks().values()] for name in TERMS
     }
-    assert told == declared
-    assert list(told) == list(TERMS)
+    assert {name.strip("`"): (ship, text) for name, ship, text in asked} == {
+        name: (task.vessel, task.description) for name, task in tasks().items()
+    }

@@ -29,7 +29,7 @@ PAGE = (Path(__file__).parents[2] / "docs/environment.md").read_text(encoding="u
 
 def test_defaults_stand_here_once() -> None:
     assert dataclasses.asdict(DEFAULTS) == {
-        "ship": "frigate", "task": "speed-keeping", "observer": "random-walk-kalman",
+        "ship": None, "task": "speed-keeping", "observer": "random-walk-kalman",
         "tuning": None, "sea": None, "sensor_noise": 1.0, "control_interval_s": 0.5,
         "episode_s": 300.0, "randomise": None, "action_mode": "rack",
     }  # fmt: skip

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from shaftline.envs import FrigateEnv, Task, get_task, tasks
+from shaftline.envs.settings import seas_of
 from shaftline.envs.tasks import HELD_OUT, TaskError
-from shaftline.plant import get_sea, load_ship
+from shaftline.plant import load_ship
 
 
 def test_a_name_a_task_and_its_fields_are_the_same() -> None:
@@ -17,7 +19,7 @@ def test_a_name_a_task_and_its_fields_are_the_same() -> None:
     assert transit == tasks()["transit"]
     assert get_task(transit) is transit
     assert get_task(transit.model_dump()) == transit
-    assert list(tasks()) == ["speed-keeping", "transit", "storm"]
+    assert list(tasks())[:3] == ["speed-keeping", "transit", "storm"]
 
 
 @pytest.mark.parametrize("name", tasks())
@@ -31,8 +33,43 @@ def test_held_out_is_the_same_task_in_other_seas_and_resistances(name: str) -> N
     same = {"seas": task.seas, "resistance_rise": task.resistance_rise,
             "resistance_swing": task.resistance_swing}  # fmt: skip
     assert held.model_copy(update=same) == task
-    for sea in (*task.seas, *held.seas):
-        get_sea(sea)
+    assert all(seas_of(list(seas), task) for seas in (task.seas, held.seas))
+
+
+SAILED = ("rough-sea", "calm-machinery", "acceleration", "flank", "silent")
+
+
+def _ends(sea: Any) -> dict[str, tuple[float, float]]:
+    ends = {key: np.atleast_1d(value) for key, value in sea.items()}
+    return {key: (float(pair[0]), float(pair[-1])) for key, pair in ends.items()}
+
+
+@pytest.mark.parametrize("name", SAILED)
+def test_each_held_out_sea_lies_outside_the_training_s_in_something(name: str) -> None:
+    task, held = get_task(name), get_task(f"{name}:{HELD_OUT}")
+    assert task.vessel == "frigate-at-sea"
+    assert FrigateEnv(task=name).batch.ship == load_ship("frigate-at-sea")
+    (trained,) = (_ends(sea) for sea in task.seas if isinstance(sea, dict))
+    apart = [_ends(sea) for sea in held.seas if isinstance(sea, dict)]
+    assert apart
+    for sea in apart:
+        assert any(
+            high < trained[key][0] or low > trained[key][1] for key, (low, high) in sea.items()
+        )
+
+
+def test_a_sea_of_a_task_may_be_ranges() -> None:
+    sea = {"hs_m": (2.0, 2.5), "tp_s": 9.0}
+    env = FrigateEnv(task=fields(seas=(sea,)))
+    heights = []
+    for seed in range(5):
+        env.reset(seed=seed)
+        record = env.batch.arrays.seas[0]
+        heights.append(4.0 * np.sqrt(0.5 * np.sum(record["amplitude"] ** 2)))
+    assert all(2.0 <= height <= 2.5 for height in heights)
+    assert np.ptp(heights) > 0.05
+    with pytest.raises(TaskError, match="lowest value must stand first"):
+        get_task(fields(seas=({"hs_m": (2.5, 2.0), "tp_s": 9.0},)))
 
 
 def test_a_storm_ventilates_the_screw() -> None:

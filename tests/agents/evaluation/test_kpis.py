@@ -30,6 +30,9 @@ def made_up(k: int) -> dict[str, Any]:
         "thrust": column((60e3, 90e3, 30e3), (20e3, 40e3, 900e3)),
         "ventilation": column((0.5, 0.6, 0.9), (0.0, 0.4, 0.9)),
         "position": column((4.0, 8.0, 13.0), (0.2, 0.5, 90.0)),
+        "blade_pitch": column((1.0, 1.1, 1.05), (0.8, 0.9, 9.0)),
+        "angle_of_attack": column((3.0, 5.0, 4.0), (1.0, 2.0, 90.0)),
+        "outside_bucket": column((0.0, 0.5, 0.1), (0.0, 0.0, 9.0)),
         "reward_terms": nothing | {
             "fuel_kg_s": column((1.0, 2.0, 3.0), (0.5, 0.7, 9.0)),
             "rack_travel_mm": column((1.0, 0.0, 2.0), (4.0, 0.5, 9.0)),
@@ -53,6 +56,15 @@ def rows() -> list[dict[str, float]]:
     return [row.to_dict() for _, row in table.iterrows()]
 
 
+def swing(*signal: float) -> float:
+    """Rms about a mean that fades in over 20 s, samples every 0.5 s."""
+    mean, squares = signal[0], []
+    for value in signal:
+        mean += 0.025 * (value - mean)
+        squares.append((value - mean) ** 2)
+    return math.sqrt(float(np.mean(squares)))
+
+
 def test_a_whole_episode(rows: list[dict[str, float]]) -> None:
     assert rows[0] == pytest.approx(
         {
@@ -71,6 +83,13 @@ def test_a_whole_episode(rows: list[dict[str, float]]) -> None:
             "thrust_mean_kN": 60.0,
             "power_mean_kW": 2.0 * (200.0 + 120.0 + 165.0) / 3.0,
             "power_peak_kW": 400.0,
+            "wave_torque_kN_m": swing(100.0, 140.0, 90.0),
+            "wave_engine_torque_kN_m": swing(20.0, 10.0, 15.0),
+            "wave_power_kW": swing(400.0, 240.0, 330.0),
+            "wave_attack_deg": swing(3.0, 5.0, 4.0),
+            "attack_99_deg": 4.98,
+            "outside_bucket_s": 1.0,
+            "pitch_travel_min": 0.15 / 1.5 * 60.0,
             "failed": 0.0,
             "reward": -4.5,
         }
@@ -95,6 +114,13 @@ def test_an_episode_that_ended_early_counts_no_further(rows: list[dict[str, floa
             "thrust_mean_kN": 30.0,
             "power_mean_kW": 70.0,
             "power_peak_kW": 80.0,
+            "wave_torque_kN_m": swing(50.0, 60.0),
+            "wave_engine_torque_kN_m": swing(5.0, 8.0),
+            "wave_power_kW": swing(60.0, 80.0),
+            "wave_attack_deg": swing(1.0, 2.0),
+            "attack_99_deg": 1.99,
+            "outside_bucket_s": 0.0,
+            "pitch_travel_min": 0.1 / 1.0 * 60.0,
             "failed": 1.0,
             "reward": -502.0,
         }
