@@ -101,7 +101,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     drive = drive_torque(plant, mover.brake_torque, omega)
     load_behind = load_torque(plant, propeller_torque, omega)
     drag = resistance(plant, speed, inputs.resistance_factor)
-    if plant.wave_drag_length > 0.0:
+    if plant.wave_drag_length.real > 0.0:
         drag = drag + wave_resistance(plant, inputs.head_sea)
     thrust = load.thrust
     added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0

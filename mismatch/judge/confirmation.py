@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -31,10 +32,13 @@ DRIVE, WATER = {"engine", "motor", "pitch-actuator"}, {"hull"}
 
 
 def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float]) -> Selection:
-    """Drop every later effect that the data set aside speak against, or that looks like a remnant.
+    """Drop what the recording cannot resolve, and every later effect that the data set aside speak
+    against or that looks like a remnant.
 
-    The first effect's form is never quite the truth's; what it leaves invites other names, which do not
-    hold on data that they were not fitted to.
+    An effect that would do as well at the least size that can be told from none is nothing that was
+    measured: in a closed loop the demand answers to the instruments' noise, and a delay of one row takes
+    that back. The first effect's form is never quite the truth's; what it leaves invites other names,
+    which do not hold on data that they were not fitted to.
 
     Args:
         selection: what was chosen.
@@ -42,8 +46,8 @@ def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float
         judge: 2 log L of a model on the data set aside.
     """
     fit = selection.fit
-    keep = list(range(len(fit.effects)))
-    for i in reversed(range(1, len(fit.effects))):
+    keep = [i for i in range(len(fit.effects)) if _resolved(fitter, fit, i)]
+    for i in reversed(keep[1:]):
         rest = [k for k in keep if k != i]
         needed = max((selection.gains[k] * _share(fit, i, k) for k in rest), default=0.0)
         if selection.gains[i] >= needed:
@@ -54,6 +58,19 @@ def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float
     if len(keep) == len(fit.effects):
         return selection
     return only(selection, fitter, keep)
+
+
+def _resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
+    """Whether an effect fits better than at the least size that differs from none."""
+    ship, placed = fitter.trial_ship, fit.effects[which]
+    parameter, size = placed.effect.parameters[0], placed.values[0]
+    neutral = ship.neutral(parameter)
+    least = math.copysign(ship.least(parameter), size - neutral)
+    if math.isinf(neutral) or least == 0.0:
+        return True
+    small = placed.with_values((neutral + least, *placed.values[1:]))
+    other = fitter.fitted((*fit.effects[:which], small, *fit.effects[which + 1 :]))
+    return other.score < fit.score - TELL_APART
 
 
 def settled_edges(

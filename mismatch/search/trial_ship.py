@@ -104,14 +104,13 @@ class TrialShip:
     def least(self, parameter: Parameter) -> float:
         """Distance from the neutral value below which something else looks the same.
 
-        Of a delay that is half an interval of the recording, and a whole one where nobody knows when
-        between two rows a demand moved; of a play or a dead band of the pitch, the steps in which it is
+        Of a delay that is an interval of the recording, by which a demand and what answers to it may be
+        shifted in the log; of a play or a dead band of the pitch, the steps in which it is
         read, where they are coarse, and of an offset half of them.
         """
         least = parameter.least
         if parameter.number(self.ship).info.unit == "s":
-            interval = self._replay.interval_s / self._replay.every
-            least = max(least, interval if self._replay.line else 0.5 * interval)
+            least = max(least, self._replay.interval_s / self._replay.every)
         step = self._replay.quantisation.get("pitch_ratio", 0.0)
         if parameter.key in PITCH_GAPS:
             least = max(least, step)

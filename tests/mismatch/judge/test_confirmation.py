@@ -31,10 +31,21 @@ ROUGH = entry("propeller-roughness (propeller)")
 
 
 class Fitter:
-    """Joins effects, and remembers that they were fitted again."""
+    """Joins effects, and remembers that they were fitted again.
+
+    Args:
+        least: size of every effect that differs from none.
+        lost: 2 log L that a lag of that size has less than at its own; others lose more.
+    """
+
+    def __init__(self, least: float = 0.0, lost: float = 0.0) -> None:
+        self.trial_ship = SimpleNamespace(neutral=lambda _: 0.0, least=lambda _: least)
+        self.least, self.lost = least, lost
 
     def fitted(self, effects: Any) -> Any:
-        return SimpleNamespace(effects=effects, refitted=False)
+        small = {p.effect.id for p in effects if p.values[0] == self.least}
+        score = -(self.lost if small == {LAG.id} else 100.0 * len(small))
+        return SimpleNamespace(effects=effects, refitted=False, score=score)
 
     def joint(self, fit: Any) -> Any:
         return SimpleNamespace(effects=fit.effects, refitted=True)
@@ -45,7 +56,9 @@ def told(rivals: Any) -> list[list[str]]:
 
 
 def chosen(*effects: Any, gains: tuple[float, ...]) -> Selection:
-    fit: Any = SimpleNamespace(effects=tuple(Placed(e, (1.0,)) for e in effects), refitted=False)
+    fit: Any = SimpleNamespace(
+        effects=tuple(Placed(e, (1.0,)) for e in effects), refitted=False, score=0.0
+    )
     rivals: Any = tuple((f"rival of {e.id}",) for e in effects)
     return Selection(fit, gains, tuple(10.0 + i for i in range(len(effects))), rivals, ())
 
@@ -202,3 +215,14 @@ def test_a_name_elsewhere_needs_a_smaller_share_than_one_beside() -> None:
         for part, expected in ((1.01, 2), (0.99, 1)):
             selection = chosen(LAG, other, gains=(1000.0, 1000.0 * share * part))
             assert len(ids(kept(selection))) == expected
+
+
+@pytest.mark.parametrize(
+    ("lost", "names"), [(5.0, ["hull-fouling"]), (7.0, ["engine-torque-lag", "hull-fouling"])]
+)
+def test_what_does_as_well_at_the_least_size_is_not_measured(lost: float, names: list[str]) -> None:
+    fitter: Any = Fitter(least=0.1, lost=lost)
+    found = confirmed(
+        chosen(LAG, FOULING, gains=(100.0, 90.0)), fitter, lambda fit: len(fit.effects)
+    )
+    assert [placed.effect.id for placed in found.fit.effects] == names

@@ -70,7 +70,8 @@ def test_a_number_that_is_not_told_stays_as_it_is() -> None:
     found = calibrated(quick_frigate(), [healthy()], keys)
     assert found.calibrated == (RESISTANCE, "hull.mass_kg")
     assert found.ship.hull.thrust_deduction == 0.07
-    assert "hull.thrust_deduction" not in found.ship.tolerances.numbers
+    # whoever calibrates does not trust the file: it may be off by as much as a number that is told
+    assert found.ship.tolerances.numbers["hull.thrust_deduction"] == pytest.approx(0.1 * 0.07)
     (said,) = (r for r in found.remarks if "stays as it is" in r)
     assert "calibration: hull.thrust_deduction stays as it is" in said
     assert "only a combination" in said
