@@ -1,7 +1,7 @@
 """Classic controllers, one file each, all with stable-baselines3's ``predict``.
 
 :func:`make_controller` gives one by name: the combinator, the CPP optimiser, the thrust controller with
-or without anti-spin, the speed pilot. They are built with a ship, a control interval and options, and
+or without anti-spin, the speed pilot, the pitch law by the advance velocity. They are built with a ship, a control interval and options, and
 derive from :class:`Controller`. :class:`Governor` is the inner loop of several: it moves the rack.
 """
 
@@ -14,6 +14,7 @@ from .governor import Governor
 from .registry import ControllerError, controller_names, make_controller
 from .speed_pilot import SpeedPilot
 from .steady_points import SteadyPoint, steady_point
+from .va_pitch import VaPitch
 
 __all__ = [
     "OBSERVED",
@@ -29,6 +30,7 @@ __all__ = [
     "Readings",
     "SpeedPilot",
     "SteadyPoint",
+    "VaPitch",
     "combinator_curve",
     "combinator_surface",
     "controller_names",

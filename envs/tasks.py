@@ -53,6 +53,11 @@ class Task(_Model):
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
     held_out: HeldOut | None = None
 
+    @property
+    def presets(self) -> tuple[str, ...]:
+        """Those of its seas that are presets, by name."""
+        return tuple(sea for sea in self.seas if isinstance(sea, str))
+
     def sailed(self, ship: Any = None) -> Ship:
         """A ship as the task has it, which is what its controllers are built for.
 

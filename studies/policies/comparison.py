@@ -171,7 +171,7 @@ def compare(
     settings = [
         Setting(name, apart, sea, OBSERVER, seeds, episode_s=episode_s, first_seed=FIRST_SEED)
         for name in names
-        for sea in model.seas
+        for sea in model.presets
     ]
     make = functools.partial(_made, own, policy, ship)
     found = episodes(settings, make, folder, jobs=jobs, tick=tick)
@@ -180,7 +180,7 @@ def compare(
     kpis = {key: with_even_fuel(one.kpis, exponent) for key, one in zip(keys, found, strict=True)}
     traces = {key: one.trace for key, one in zip(keys, found, strict=True)}
     return Comparison(
-        task, policy, source, ship, model.seas, kpis, traces, seeds, episode_s, exponent
+        task, policy, source, ship, model.presets, kpis, traces, seeds, episode_s, exponent
     )
 
 

@@ -72,10 +72,10 @@ def frontier(
     settings = [
         Setting(name, f"{TASK}:{HELD_OUT}", sea, OBSERVER, seeds, first_seed=FIRST_SEED)
         for name in names
-        for sea in model.seas
+        for sea in model.presets
     ]
     found = episodes(settings, functools.partial(_make, names), folder, jobs=jobs, tick=tick)
-    count = len(model.seas)
+    count = len(model.presets)
     columns = [kpi for kpi, _ in _QUANTITIES.values()]
     over_seas = {
         names[settings[i].controller]: pd.DataFrame(

@@ -17,7 +17,15 @@ from shaftline.baselines import (
 from shaftline.core.discovery import classes_in
 from shaftline.plant import Ship, ShipError, load_ship
 
-NAMES = ["combinator", "cpp-optimiser", "anti-spin", "no-anti-spin", "speed-pilot"]
+NAMES = [
+    "combinator",
+    "cpp-optimiser",
+    "anti-spin",
+    "no-anti-spin",
+    "speed-pilot",
+    "va-pitch",
+    "va-pitch-silent",
+]
 
 
 def test_names_are_in_order_and_each_is_a_class_of_the_folder() -> None:

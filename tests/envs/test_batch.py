@@ -167,7 +167,7 @@ def test_a_seed_decides_every_draw() -> None:
     rng, _ = np_random(11)
     assert plant["mass"] == 3.3e6 * rng.uniform(0.8, 1.2)
     assert plant["depth"] == 4.0 * rng.uniform(0.9, 1.1)
-    preset = get_sea(task.seas[rng.integers(4)])
+    preset = get_sea(task.presets[rng.integers(4)])
     wave_seed = int(rng.integers(2**31))
     assert preset is not None
     for low in (preset.hs_m, preset.tp_s, preset.gamma, preset.heading_deg):

@@ -90,7 +90,7 @@ def test_seas_are_presets_parameters_ranges_and_lists_of_them() -> None:
     assert seas_of("calm", TRANSIT) == [None]
     assert seas_of("state-5", TRANSIT) == [(state_5, state_5)]
     assert seas_of(state_5, TRANSIT) == [(state_5, state_5)]
-    assert seas_of(None, TRANSIT) == [(get_sea(name),) * 2 for name in TRANSIT.seas]
+    assert seas_of(None, TRANSIT) == [(get_sea(name),) * 2 for name in TRANSIT.presets]
     low, high = Sea(hs_m=1.0, tp_s=9.0), Sea(hs_m=5.0, tp_s=9.0)
     assert seas_of({"hs_m": (1.0, 5.0), "tp_s": 9.0}, TRANSIT) == [(low, high)]
     assert seas_of({"hs_m": [1.0], "tp_s": (9.0, 9.0)}, TRANSIT) == [(low, low)]

@@ -1,0 +1,103 @@
+"""Pitch placed for the advance velocity: the inversions, the means, and what the law is worth."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.baselines.controller import readings
+from shaftline.baselines.registry import make_controller
+from shaftline.baselines.va_pitch import AIM, VaPitch, load_of, pitch_of
+from shaftline.envs import FrigateVectorEnv
+from shaftline.plant import load_ship
+
+SHIP = load_ship("frigate")
+
+
+@pytest.mark.parametrize("cavitation", [False, True])
+@pytest.mark.parametrize(("velocity", "pitch"), [(7.0, 1.2), (6.0, 0.9), (8.5, 1.35)])
+def test_the_pitch_of_a_load_has_that_load(cavitation: bool, velocity: float, pitch: float) -> None:
+    plant = SHIP.record()
+    aim = load_of(plant, cavitation, velocity, 10.0, pitch)
+    assert pitch_of(plant, cavitation, velocity, 10.0, aim) == pytest.approx(pitch, abs=1e-6)
+    faster = pitch_of(plant, cavitation, velocity + 0.3, 10.0, aim)
+    assert faster > pitch  # more inflow takes load away, which pitch gives back
+
+
+@pytest.mark.parametrize(("aim", "end"), [(-1e9, 0.6), (1e9, 1.4)])
+def test_a_load_out_of_reach_takes_the_end_of_the_range(aim: float, end: float) -> None:
+    assert pitch_of(SHIP.record(), False, 7.0, 10.0, aim) == pytest.approx(end, abs=1e-6)
+
+
+def seen(velocity: float = 7.2, valid: float = 1.0, pitch: float = 1.3) -> Any:
+    return np.array([[8.0, 9.6, 1.4e5, pitch, 20.0, 8.0, velocity, valid]])
+
+
+def test_in_steady_sailing_the_pitch_is_the_pilot_s() -> None:
+    law, pilot = (make_controller(name, SHIP, 0.5) for name in ("va-pitch", "speed-pilot"))
+    base = pilot.fresh(readings(seen()))
+    expected, _ = pilot.act(readings(seen()), base)
+    pitch, _ = law.act(readings(seen(pitch=float(expected[0]))), law.fresh(readings(seen())))
+    assert pitch == pytest.approx(
+        expected, abs=2e-3
+    )  # the pilot's own answer to torque is left out
+
+
+def test_the_command_brings_the_pitch_there_within_an_interval() -> None:
+    law = VaPitch(SHIP, ahead_s=0.0)
+    memory = law.fresh(readings(seen()))
+    aim = float(memory[0, AIM])
+    pitch, _ = law.act(readings(seen(velocity=7.5)), memory)
+    assert memory[0, AIM] == pytest.approx(aim, rel=0.01)
+    target = pitch_of(SHIP.record(), False, 7.5, 9.6, float(memory[0, AIM]))
+    arrived = pitch[0] + (1.3 - pitch[0]) * math.exp(-0.5 / 2.0)
+    assert arrived == pytest.approx(target, abs=1e-9)
+    assert target > 1.3
+
+
+@pytest.mark.parametrize("seconds", [0.5, 1.0])
+def test_it_looks_ahead_along_the_estimate_s_slope(seconds: float) -> None:
+    rising, plain = VaPitch(SHIP, ahead_s=seconds), VaPitch(SHIP, ahead_s=0.0)
+    pitches = []
+    for law in (rising, plain):
+        memory = law.fresh(readings(seen()))
+        for velocity in (7.21, 7.22, 7.23):
+            pitch, _ = law.act(readings(seen(velocity=velocity)), memory)
+        pitches.append(float(pitch[0]))
+    assert pitches[0] > pitches[1]
+
+
+@pytest.mark.parametrize(("velocity", "valid"), [(9.0, 0.0), (math.nan, 1.0), (math.inf, 1.0)])
+def test_without_an_estimate_the_log_stands_in(velocity: float, valid: float) -> None:
+    law = VaPitch(SHIP)
+    assert law.velocity(readings(seen(velocity, valid))) == pytest.approx(0.95 * 8.0)
+
+
+def test_options_out_of_range_and_a_fixed_pitch_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"ahead_s = -1\.0 s"):
+        VaPitch(SHIP, ahead_s=-1.0)
+    fixed = SHIP.with_values({"propeller.pitch_ratio_min": 1.2, "propeller.pitch_ratio_max": 1.2})
+    with pytest.raises(ValueError, match="controllable pitch"):
+        VaPitch(fixed)
+
+
+def swing(name: str, observer: str) -> float:
+    """Rms of the gauge's torque about its mean in a rough sea [kN m]."""
+    env = FrigateVectorEnv(
+        6, task="transit", sea="state-6", observer=observer, sensor_noise=0.0, episode_s=150.0
+    )
+    law = make_controller(name, env.batch.ship, 0.5)
+    observation, _ = env.reset(seed=1, options={"speed_order_m_s": 6.0})
+    state, found = None, []
+    for _ in range(299):
+        action, state = law.predict(observation, state)
+        observation, *_, info = env.step(action)
+        found.append(info["shaft_torque"] * 1e-3)
+    return float(np.std(found[100:], axis=0).mean())
+
+
+def test_knowing_the_advance_velocity_calms_the_shaft() -> None:
+    assert swing("va-pitch", "oracle") < 0.75 * swing("va-pitch", "none")
