@@ -1,8 +1,9 @@
 """Classic controllers, one file each, all with stable-baselines3's ``predict``.
 
 :func:`make_controller` gives one by name: the combinator, the CPP optimiser, the thrust controller with
-or without anti-spin, the speed pilot, the pitch law by the advance velocity. They are built with a ship, a control interval and options, and
-derive from :class:`Controller`. :class:`Governor` is the inner loop of several: it moves the rack.
+or without anti-spin, the speed pilot, the pitch law by the advance velocity. They are built with a ship,
+a control interval and options, and derive from :class:`Controller`. :class:`Governor` is the inner loop
+of several: it moves the rack.
 """
 
 from .anti_spin import AntiSpin, AntiSpinTuning
