@@ -61,11 +61,11 @@ def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float
 
 
 def _resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
-    """Whether an effect fits better than at the least size that differs from none."""
+    """Whether an effect fits better than at the size that the recording resolves."""
     ship, placed = fitter.trial_ship, fit.effects[which]
     parameter, size = placed.effect.parameters[0], placed.values[0]
     neutral = ship.neutral(parameter)
-    least = math.copysign(ship.least(parameter), size - neutral)
+    least = math.copysign(ship.resolution(parameter), size - neutral)
     if math.isinf(neutral) or least == 0.0:
         return True
     small = placed.with_values((neutral + least, *placed.values[1:]))

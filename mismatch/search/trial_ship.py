@@ -104,19 +104,33 @@ class TrialShip:
     def least(self, parameter: Parameter) -> float:
         """Distance from the neutral value below which something else looks the same.
 
-        Of a delay that is an interval of the recording, by which a demand and what answers to it may be
-        shifted in the log; of a play or a dead band of the pitch, the steps in which it is
+        Of a delay that is half an interval of the recording, and a whole one where nobody knows when
+        between two rows a demand moved; of a play or a dead band of the pitch, the steps in which it is
         read, where they are coarse, and of an offset half of them.
         """
         least = parameter.least
-        if parameter.number(self.ship).info.unit == "s":
-            least = max(least, self._replay.interval_s / self._replay.every)
+        if self._in_seconds(parameter):
+            least = max(least, self._interval_s if self._replay.line else 0.5 * self._interval_s)
         step = self._replay.quantisation.get("pitch_ratio", 0.0)
         if parameter.key in PITCH_GAPS:
             least = max(least, step)
         if parameter.key in PITCH_OFFSETS:
             least = max(least, 0.5 * step)
         return least
+
+    @property
+    def _interval_s(self) -> float:
+        return self._replay.interval_s / self._replay.every
+
+    def resolution(self, parameter: Parameter) -> float:
+        """Size that an effect must exceed to have been measured: the least one, and of a delay an
+        interval, by which a demand and what answers to it may be shifted in the log.
+        """
+        least = self.least(parameter)
+        return max(least, self._interval_s) if self._in_seconds(parameter) else least
+
+    def _in_seconds(self, parameter: Parameter) -> bool:
+        return parameter.number(self.ship).info.unit == "s"
 
     def neutral(self, parameter: Parameter) -> float:
         """Value at which the effect is absent: the ship file's own."""

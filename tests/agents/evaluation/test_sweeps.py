@@ -44,7 +44,11 @@ def test_a_row_is_a_cell_with_the_summary_of_its_episodes(
     row = found.table.iloc[0].to_dict()
     for name, ends in summary(kpis).items():
         assert (row[name], row[f"{name}_low"], row[f"{name}_high"]) == pytest.approx(ends), name
-    fields = {key: value for key, value in asdict(CELL).items() if key != "task_model"}
+    fields = {
+        key: value
+        for key, value in (asdict(CELL) | {"ship": "frigate"}).items()
+        if key != "task_model"
+    }
     assert {key: row[key] for key in fields} == fields
     assert len(row) == len(fields) + 3 * len(KPIS)
     assert found.table["sea"].tolist() == ["state-5", "calm"]

@@ -39,7 +39,7 @@ class Fitter:
     """
 
     def __init__(self, least: float = 0.0, lost: float = 0.0) -> None:
-        self.trial_ship = SimpleNamespace(neutral=lambda _: 0.0, least=lambda _: least)
+        self.trial_ship = SimpleNamespace(neutral=lambda _: 0.0, resolution=lambda _: least)
         self.least, self.lost = least, lost
 
     def fitted(self, effects: Any) -> Any:

@@ -200,10 +200,13 @@ def test_a_delay_is_no_shorter_than_the_recording_tells(monkeypatch: pytest.Monk
     (delay,) = entry("engine-dead-time (engine)").parameters
     (play,) = entry("pitch-backlash (pitch-actuator)").parameters
     toy: Any = Toy({}, white(0, 1.0, 1.0))
-    assert TrialShip(toy).least(delay) == 1.0  # of rows a second apart
+    assert TrialShip(toy).least(delay) == 0.5  # of rows a second apart
+    assert TrialShip(toy).resolution(delay) == 1.0
+    monkeypatch.setattr(Toy, "line", True)
+    assert TrialShip(toy).least(delay) == 1.0
     monkeypatch.setattr(Toy, "every", 4)
     assert TrialShip(toy).least(delay) == 0.25
     assert TrialShip(toy).least(play) == 0.0
     toy.quantisation = {"pitch_ratio": 0.03}
-    assert TrialShip(toy).least(play) == 0.03
+    assert TrialShip(toy).least(play) == TrialShip(toy).resolution(play) == 0.03
     assert min(TrialShip(toy).probes(play)) >= 0.03
