@@ -53,6 +53,21 @@ def load_of(
 
 
 @compiled
+def loads_of(
+    plant: Record,
+    cavitation: bool,
+    velocity: NDArray[np.float64],
+    shaft_speed: NDArray[np.float64],
+    pitch: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """The same of many ships, each of shape (n,)."""
+    found = np.empty(len(velocity))
+    for i in range(len(velocity)):
+        found[i] = load_of(plant, cavitation, velocity[i], shaft_speed[i], pitch[i])
+    return found
+
+
+@compiled
 def pitch_of(
     plant: Record, cavitation: bool, velocity: float, shaft_speed: float, aim: float
 ) -> float:
@@ -144,23 +159,18 @@ class VaPitch(SpeedPilot):
         """The pilot's memory, and the load of the present as the mean."""
         velocity = self.velocity(seen)
         base = np.interp(seen.speed_order, self._speeds, self._pitch)
-        aim = [
-            load_of(self.plant, self.cavitation, *row)
-            for row in zip(velocity, seen.shaft_speed, base, strict=True)
-        ]
+        aim = loads_of(self.plant, self.cavitation, velocity, seen.shaft_speed, base)
         return np.column_stack([super().fresh(seen), velocity, np.zeros_like(velocity), aim])
 
     def act(
         self, seen: Readings, memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The pilot's rack, and the pitch of the module's equations."""
-        own = memory[:, :_OWN].copy()
-        base, rack = super().act(seen, own)
-        memory[:, :_OWN] = own
+        base, rack = super().act(seen, memory[:, :_OWN])
         target = np.empty(len(base))
         place_all(
             self.plant, self.cavitation, self.ahead_s, self.interval_s, self.velocity(seen),
-            np.asarray(seen.shaft_speed), base, memory, target,
+            seen.shaft_speed, base, memory, target,
         )  # fmt: skip
         pitch = seen.pitch_ratio + (target - seen.pitch_ratio) / self._arrives
         return pitch, rack

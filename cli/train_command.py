@@ -124,7 +124,7 @@ def train(
         try:
             with stages("training") as tick:
                 policy = training.train(
-                    plan, seed, folder, ship=ship or get_task(task).vessel, device=device.value,
+                    plan, seed, folder, ship=ship, device=device.value,
                     tick=lambda done, total, said: tick(said, done, total),
                 )  # fmt: skip
         except KeyboardInterrupt:

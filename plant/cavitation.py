@@ -18,7 +18,9 @@ import numpy as np
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
 from .keys import INF, Section, number
-from .surroundings import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
+from .open_water import REVOLUTIONS_PER_RADIAN
+from .propeller import cavitation_number
+from .surroundings import static_pressure
 
 LINE_FACTOR, LINE_OFFSET, LINE_EXPONENT = 0.28, 0.03, 0.57
 """tau_limit = 0.28 (sigma - 0.03)^0.57 for 5 % back cavitation."""
@@ -60,7 +62,7 @@ def burrill_ratio(
     if square.real < _AT_REST or thrust.real <= 0.0:
         return 0.0
     dynamic = 0.5 * plant.density * square
-    pressure = ATMOSPHERE - VAPOUR_PRESSURE + plant.density * GRAVITY * submergence
+    pressure = static_pressure(plant, submergence)
     expanded = plant.expanded_area_ratio * (0.25 * math.pi) * plant.diameter * plant.diameter
     projected = expanded * (1.067 - 0.229 * pitch_ratio)
     return thrust / (dynamic * projected) / burrill_limit(pressure / dynamic)
@@ -116,13 +118,13 @@ def outside_bucket(plant: Record, attack: Real, shaft_speed: Real, submergence: 
     Args:
         plant: ship record.
         attack: :func:`effective_attack` [deg].
-        shaft_speed: omega [rad/s], for sigma_n = (p - p_v) / (rho n^2 D^2 / 2).
+        shaft_speed: omega [rad/s].
         submergence: depth of the propeller's centre [m].
     """
-    tip = plant.diameter * shaft_speed / (2.0 * math.pi)  # n D
-    if min(plant.bucket_suction, plant.bucket_pressure) == math.inf or tip * tip < _AT_REST:
+    revolutions = shaft_speed * REVOLUTIONS_PER_RADIAN
+    turns = (revolutions * plant.diameter) ** 2 >= _AT_REST
+    if min(plant.bucket_suction, plant.bucket_pressure) == math.inf or not turns:
         return 0.0
-    pressure = ATMOSPHERE - VAPOUR_PRESSURE + plant.density * GRAVITY * submergence
-    sigma = max(pressure, 0.0) / (0.5 * plant.density * tip * tip)
+    sigma = max(cavitation_number(plant, revolutions, submergence), 0.0)
     beyond = attack - plant.bucket_centre
     return max(beyond - plant.bucket_suction * sigma, -beyond - plant.bucket_pressure * sigma, 0.0)

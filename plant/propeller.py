@@ -30,7 +30,7 @@ from .propeller_curves import (
     thrust_coefficient,
     torque_coefficient,
 )
-from .surroundings import ATMOSPHERE, GRAVITY, VAPOUR_PRESSURE
+from .surroundings import static_pressure
 
 
 class Propeller(Section):
@@ -172,9 +172,8 @@ class Propeller(Section):
 @compiled
 def cavitation_number(plant: Record, revolutions: Real, submergence: Real) -> Real:
     """Cavitation number by shaft speed, sigma_n = (p0 + rho g h - p_v) / (rho n^2 D^2 / 2) [-]."""
-    pressure = ATMOSPHERE - VAPOUR_PRESSURE + plant.density * GRAVITY * submergence
     tip = 0.5 * plant.density * revolutions * revolutions * plant.diameter * plant.diameter
-    return pressure / tip
+    return static_pressure(plant, submergence) / tip
 
 
 @compiled

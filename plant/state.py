@@ -206,6 +206,12 @@ class Inputs(NamedTuple):
     outside: tuple[Real, ...] = NO_SIGNALS  # signals from outside that terms hear
 
 
+@compiled
+def steady_inputs(drive: Real, pitch_command: Real, inflow: Real, elevation: Real) -> Inputs:
+    """What acts with nothing else beside these, for kernels, where a tuple's defaults do not act."""
+    return Inputs(drive, pitch_command, inflow, 0.0, 0.0, elevation, 1.0, 0.0, 0.0, 0.0, NO_SIGNALS)
+
+
 class Outputs(NamedTuple):
     """Algebraic quantities of the plant at one instant."""
 

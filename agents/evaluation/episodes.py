@@ -50,11 +50,16 @@ class Setting:
         return self.ship or (self.task_model or get_task(self.task)).vessel
 
     @property
+    def columns(self) -> dict[str, Any]:
+        """Its fields as a table has them: with the ship that sails, and no task of a single run."""
+        fields = asdict(self) | {"ship": self.vessel}
+        del fields["task_model"]
+        return fields
+
+    @property
     def name(self) -> str:
         """File name of the cell; differs where any field differs."""
-        fields = asdict(self) | {"ship": self.vessel}
-        del fields["task_model"]  # of a single run; no cell has one
-        text = "_".join(map(str, fields.values()))
+        text = "_".join(map(str, self.columns.values()))
         return "".join(c if c.isalnum() or c in "-._" else "-" for c in text)
 
 

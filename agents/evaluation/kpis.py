@@ -18,28 +18,6 @@ SWINGS = ("torque", "engine_torque", "power", "attack")
 """Signals whose part in the wave band is told: what departs from their mean over the last MEAN_S."""
 
 
-class _Swing:
-    """Rms of what departs from a running mean over MEAN_S, one entry a seed."""
-
-    def __init__(self, n: int, interval_s: float) -> None:
-        self.fading = interval_s / MEAN_S
-        self.mean: NDArray[np.float64] | None = None
-        self.square, self.count = np.zeros((2, n))
-
-    def add(self, alive: Any, signal: NDArray[np.float64]) -> None:
-        """Take one control interval of those episodes that still run."""
-        if self.mean is None:
-            self.mean = signal.copy()
-        self.mean += self.fading * (signal - self.mean)
-        self.square += alive * (signal - self.mean) ** 2
-        self.count += alive
-
-    @property
-    def rms(self) -> NDArray[np.float64]:
-        """In the signal's unit."""
-        return np.asarray(np.sqrt(self.square / self.count))
-
-
 class EpisodeSums:
     """Running sums of the KPIs, one entry a seed.
 
@@ -59,10 +37,10 @@ class EpisodeSums:
         self.failed = np.zeros(n, dtype=bool)
         self.pitch_travel, self.outside = np.zeros((2, n))
         self.pitch = np.full(n, np.nan)
-        self.attack: list[
-            NDArray[np.float64]
-        ] = []  # angles of attack; nan where an episode is over
-        self.swings = {name: _Swing(n, interval_s) for name in SWINGS}
+        # angles of attack, interval by interval; nan where an episode is over
+        self.attack: list[NDArray[np.float64]] = []
+        self.mean: NDArray[np.float64] | None = None  # of SWINGS, over the last MEAN_S
+        self.swing = np.zeros((len(SWINGS), n))  # squares of what departs from it
 
     def add(self, alive: Any, info: dict[str, Any], reward: Any, order: Any) -> None:
         """Take one control interval of those episodes that still run.
@@ -101,12 +79,15 @@ class EpisodeSums:
         self.pitch_travel += np.where(alive & np.isfinite(moved), moved, 0.0)
         self.pitch = info["blade_pitch"]
         self.attack.append(np.where(alive, info["angle_of_attack"], np.nan))
-        for name, signal in zip(
-            SWINGS,
-            (torque, info["brake_torque"] * 1e-3, power, info["angle_of_attack"]),
-            strict=True,
-        ):
-            self.swings[name].add(alive, signal)
+        swinging = np.array([torque, info["brake_torque"] * 1e-3, power, info["angle_of_attack"]])
+        if self.mean is None:
+            self.mean = swinging.copy()
+        self.mean += interval / MEAN_S * (swinging - self.mean)
+        self.swing += alive * (swinging - self.mean) ** 2
+
+    def rms(self, name: str) -> NDArray[np.float64]:
+        """What one of :data:`SWINGS` departs from its mean, in its unit."""
+        return np.asarray(np.sqrt(self.swing[SWINGS.index(name)] / self.count))
 
     @property
     def attack_99(self) -> NDArray[np.float64]:
@@ -159,14 +140,14 @@ _DECLARED = {
     "power_peak_kW": _Kpi("highest brake power of one engine [kW]", lambda s: s.power_peak),
     "wave_torque_kN_m": _Kpi(
         "swing of the shaft torque in waves: rms about its mean over 20 s [kN m]",
-        lambda s: s.swings["torque"].rms,
+        lambda s: s.rms("torque"),
     ),
     "wave_engine_torque_kN_m": _Kpi(
-        "the same of one engine's torque [kN m]", lambda s: s.swings["engine_torque"].rms
+        "the same of one engine's torque [kN m]", lambda s: s.rms("engine_torque")
     ),
-    "wave_power_kW": _Kpi("the same of one engine's power [kW]", lambda s: s.swings["power"].rms),
+    "wave_power_kW": _Kpi("the same of one engine's power [kW]", lambda s: s.rms("power")),
     "wave_attack_deg": _Kpi(
-        "the same of the blades' effective angle of attack [deg]", lambda s: s.swings["attack"].rms
+        "the same of the blades' effective angle of attack [deg]", lambda s: s.rms("attack")
     ),
     "attack_99_deg": _Kpi("99th percentile of that angle [deg]", lambda s: s.attack_99),
     "outside_bucket_s": _Kpi("time outside the cavitation bucket [s]", lambda s: s.outside),

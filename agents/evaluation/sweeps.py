@@ -88,8 +88,7 @@ def evaluate(
     found = episodes(settings, make, folder, **spread)
     rows = []
     for setting, kept in zip(settings, found, strict=True):
-        row: dict[str, Any] = asdict(setting) | {"ship": setting.vessel}
-        del row["task_model"]  # no cell of a table
+        row = setting.columns
         for name, (middle, low, high) in summary(kept.kpis).items():
             row |= {name: middle, f"{name}_low": low, f"{name}_high": high}
         rows.append(row)

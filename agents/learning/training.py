@@ -148,7 +148,7 @@ def train(
     seed: int,
     folder: Path,
     *,
-    ship: str = "frigate",
+    ship: str | None = None,
     device: str = "auto",
     threads: int | None = None,
     tick: Tick = lambda done, total, said: None,
@@ -159,7 +159,7 @@ def train(
         recipe: what and how.
         seed: decides everything else; on a CPU the same seed gives the same policy.
         folder: for ``policy.npz``, the training curve, checkpoints and TensorBoard's events.
-        ship: preset or path.
+        ship: preset or path; the one that the task is made for by default.
         device: of torch; ``auto`` takes a GPU where there is one.
         threads: of torch and of the environments; the machine's by default. The environments' change no
             result.
@@ -172,6 +172,7 @@ def train(
         ValueError: the folder holds a training of another recipe or seed.
     """
     source = source_digest("core", "plant", "observers", "baselines", "envs", *_SOURCES)
+    ship = ship or recipe.rewarded().vessel
     content = hashlib.sha256(repr(load_ship(ship)).encode()).hexdigest()[:8]
     plan = {
         "recipe": recipe.model_dump(), "seed": seed, "ship": {"source": ship, "content": content},

@@ -64,12 +64,12 @@ def _resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
     """Whether an effect fits better than at the size that the recording resolves."""
     ship, placed = fitter.trial_ship, fit.effects[which]
     parameter, size = placed.effect.parameters[0], placed.values[0]
-    neutral = ship.neutral(parameter)
-    least = math.copysign(ship.resolution(parameter), size - neutral)
+    neutral, least = ship.neutral(parameter), ship.resolution(parameter)
     if math.isinf(neutral) or least == 0.0:
         return True
+    least = math.copysign(least, size - neutral)
     small = placed.with_values((neutral + least, *placed.values[1:]))
-    other = fitter.fitted((*fit.effects[:which], small, *fit.effects[which + 1 :]))
+    other = fitter.fitted(small.in_place_of(fit.effects, which))
     return other.score < fit.score - TELL_APART
 
 
@@ -110,7 +110,7 @@ def _with_other_edges(
                 window = (float(time), end) if edge == 0 else (begin, float(time))
                 if window[0] < window[1]:
                     moved = replace(placed, window=window)
-                    yield fitter.fitted((*fit.effects[:which], moved, *fit.effects[which + 1 :]))
+                    yield fitter.fitted(moved.in_place_of(fit.effects, which))
 
 
 def only(selection: Selection, fitter: Fitter, keep: list[int]) -> Selection:
@@ -169,8 +169,7 @@ def with_rivals(selection: Selection, fitter: Fitter, explained: float) -> Selec
             far = rival.gain < gain - 4.0 * margin and not confusable(own, rival.effect)
             if rival.effect.id == own.id or far:
                 continue
-            other = (*fit.effects[:i], rival.placed, *fit.effects[i + 1 :])
-            instead = fitter.fitted(other)
+            instead = fitter.fitted(rival.placed.in_place_of(fit.effects, i))
             if instead.score < fit.score - margin:
                 instead = fitter.polished(instead)
             if instead.score >= fit.score - margin:

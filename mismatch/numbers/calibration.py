@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from ...plant.ship import Ship
@@ -11,7 +11,7 @@ from ..recordings.joint import Recorded
 from .free import AUTO
 from .identifiable import TELLING, UntoldError
 from .pipeline import identify
-from .start import Start
+from .start import Start, loosened
 
 
 def calibrated(
@@ -71,17 +71,9 @@ def calibrated(
         if keys:  # of its own choice, what was left out is no surprise
             remarks += [f"calibration: {key} stays as it is: {why}" for key, why in left.items()]
         told = tuple(estimate.key for estimate in found.estimates)
-        start = _unsure(found.identified, left)
+        # whoever calibrates does not trust the file: what is not told may be off by as much as what was
+        # found, and would else come back as missing physics
+        own = found.identified
+        untold = (own.number(key) for key in left if own.has_key(key))
+        start = loosened(own, untold, TELLING)
         return Start(ship, start, calibrated=told, left=left, remarks=tuple(remarks))
-
-
-def _unsure(ship: Ship, left: Iterable[str]) -> Ship:
-    """The ship with tolerances of what the healthy period does not tell: as far off as it lets be.
-
-    Whoever calibrates does not trust the file. A number that is not told may be off by as much as those
-    that were found, and would else come back as missing physics.
-    """
-    known = ship.tolerances.numbers
-    numbers = (ship.number(key) for key in left if ship.has_key(key))
-    wide = {n.key: max(TELLING * abs(n.value), known.get(n.key, 0.0)) for n in numbers}
-    return ship.with_values({"tolerances.numbers": known | wide}) if wide else ship

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ...plant.keys import Number
 from ...plant.ship import Ship
 from .free import Free
 
@@ -71,9 +72,17 @@ def widened(ship: Ship, keys: Sequence[str]) -> Start:
     """
     if not keys:
         return Start(ship, ship)
+    return Start(ship, loosened(ship, Free(ship, keys).numbers, WIDE), free=tuple(keys))
+
+
+def loosened(ship: Ship, numbers: Iterable[Number], share: float) -> Ship:
+    """A ship some of whose numbers may be off by a share of them, or by what its file says if more.
+
+    Args:
+        ship: nominal.
+        numbers: of it.
+        share: one standard deviation, of each number.
+    """
     known = ship.tolerances.numbers
-    wide = {
-        n.key: max(WIDE * abs(n.value), known.get(n.key, 0.0)) for n in Free(ship, keys).numbers
-    }
-    moved = ship.with_values({"tolerances.numbers": known | wide})
-    return Start(ship, moved, free=tuple(keys))
+    wide = {n.key: max(share * abs(n.value), known.get(n.key, 0.0)) for n in numbers}
+    return ship.with_values({"tolerances.numbers": known | wide}) if wide else ship

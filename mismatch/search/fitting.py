@@ -157,7 +157,7 @@ class Fitter:
                 step = 1e-2 * abs(value) + 1e-9 if steps is None else steps[len(columns)]
                 values = [*placed.values]
                 values[j] += step
-                trial = (*fit.effects[:i], placed.with_values(values), *fit.effects[i + 1 :])
+                trial = placed.with_values(values).in_place_of(fit.effects, i)
                 moved = predicted(record(trial)) - here
                 columns.append(moved / step if np.isfinite(moved).all() else np.zeros_like(here))
         return here, np.array(columns, np.complex128).reshape(-1, *here.shape)

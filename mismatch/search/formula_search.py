@@ -24,7 +24,7 @@ from .catalogue import Effect, Parameter
 from .fitting import Fit, Fitter
 from .formula_screen import Screen, Screened, home_of, places_of
 from .placed import Placed
-from .spectra import SMALL_SAMPLE, Likelihood
+from .spectra import SMALL_SAMPLE, Likelihood, runs_away
 from .units import quotient
 
 INDIRECT = ("drive", "inflow_velocity")
@@ -152,7 +152,7 @@ class FormulaSearch:
             except ShipError:
                 break
             difference = fitter.measured - fitter.predicted(record)
-            if not np.isfinite(difference).all():
+            if runs_away(difference):
                 break
             found = self._wide(difference)
             # the prior is about the file's numbers, not those of the line before

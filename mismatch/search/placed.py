@@ -30,6 +30,10 @@ class Placed:
         """Each parameter with its value."""
         return tuple(zip(self.effect.parameters, self.values, strict=True))
 
+    def in_place_of(self, effects: tuple[Placed, ...], which: int) -> tuple[Placed, ...]:
+        """Some effects with this one where another stood."""
+        return (*effects[:which], self, *effects[which + 1 :])
+
     def with_values(self, values: Any) -> Placed:
         """The same effect with other values."""
         return Placed(self.effect, tuple(float(v) for v in values), self.window)

@@ -28,8 +28,7 @@ from ...core.compiled import Record, compiled
 from ...plant.columns import SHAFT_ANGLE, SHAFT_SPEED
 from ...plant.dynamics import loads
 from ...plant.shaft import inertia_behind_gauge
-from ...plant.state import Inputs, motion_state, without_lags
-from ...plant.term_kernel import NO_SIGNALS
+from ...plant.state import motion_state, steady_inputs, without_lags
 from .joint_replay import JointReplay
 
 Channels = dict[str, NDArray[np.float64]]
@@ -55,9 +54,7 @@ def _loads_at(
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
         state = motion_state(pitch_ratio[k], shaft_speed[k], ship_speed[k])
-        acts = Inputs(
-            rack, pitch_ratio[k], inflow[k], 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0, 0.0, NO_SIGNALS
-        )
+        acts = steady_inputs(rack, pitch_ratio[k], inflow[k], elevation[k])
         acting = loads(plant, state, acts, pitch_ratio[k])
         drive_torque[k] = acting.drive_torque
         load_torque[k] = acting.load_torque

@@ -21,8 +21,7 @@ from ...plant.columns import SHAFT_SPEED, TIME
 from ...plant.dynamics import loads
 from ...plant.recording import as_numbers, read_recording, read_table
 from ...plant.ship_errors import validated
-from ...plant.state import Inputs, motion_state
-from ...plant.term_kernel import NO_SIGNALS
+from ...plant.state import motion_state, steady_inputs
 
 NAMES = (
     "z_05_01", "z_10_01", "z_10_05", "z_10_10_p", "z_10_10_s", "z_15_01", "z_15_05", "z_20_05",
@@ -196,19 +195,7 @@ def _fill_loads(
     """Thrust [N] and torque [N m] behind the ship at each row; the last two filled."""
     for k in range(len(ship_speed)):
         state = motion_state(plant.pitch_ratio_max, shaft_speed[k], ship_speed[k])
-        acts = Inputs(
-            shaft_speed[k],
-            plant.pitch_ratio_max,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            1.0,
-            0.0,
-            0.0,
-            0.0,
-            NO_SIGNALS,
-        )
+        acts = steady_inputs(shaft_speed[k], plant.pitch_ratio_max, 0.0, 0.0)
         acting = loads(plant, state, acts, plant.pitch_ratio_max)
         thrust[k] = acting.thrust
         torque[k] = acting.load_torque
