@@ -33,6 +33,7 @@ def main() -> None:
         options.out,
         pd.DataFrame([found[name] for name in named]),
         pd.DataFrame([whole[name] for name in lacking]),
+        options.seed,
     )
     print(f"page: {options.out / 'formulas.md'}")
 

@@ -14,7 +14,7 @@ from ...plant.terms import TERM_SIGNALS
 from .cases import OUTSIDE
 
 NAME, TITLE = "formulas", "Where no name fits: formulas of missing physics, and nulls"
-COMMAND = "python -m shaftline.studies.formulas --out docs/results"
+COMMAND = "python -m shaftline.studies.formulas --seed {seed} --out docs/results"
 
 INTRODUCTION = """\
 Simulated ships lack physics that the catalogue does not name
@@ -36,18 +36,19 @@ LEAST = 6.0
 """Gain of the true form on the data set aside below which a share of it tells nothing."""
 
 
-def write(folder: Path, cases: pd.DataFrame, whole: pd.DataFrame) -> None:
+def write(folder: Path, cases: pd.DataFrame, whole: pd.DataFrame, seed: int) -> None:
     """Write ``formulas.md`` and ``formulas.csv``.
 
     Args:
         folder: to write into.
         cases: a row each, as of :func:`.bench.searched`.
         whole: likewise of :func:`.bench.diagnosed`; may be empty.
+        seed: of the first case.
     """
     shown = cases.copy()
     for column in ("signals", "true_signals", "rivals"):
         shown[column] = [" | ".join(x) if isinstance(x, list) else "" for x in shown[column]]
-    write_table(folder, NAME, TITLE, COMMAND, shown, body(cases, whole))
+    write_table(folder, NAME, TITLE, COMMAND.format(seed=seed), shown, body(cases, whole))
 
 
 def body(cases: pd.DataFrame, whole: pd.DataFrame) -> str:
