@@ -3,13 +3,16 @@
 The curve is the usual one of ships with a controllable-pitch propeller: from lever 0 the pitch rises at
 the lowest shaft speed; with the pitch at its full value the shaft speed rises to the engine's highest.
 The speed order is turned into a lever through the ship's steady speeds in calm water, so nothing
-corrects for waves, fouling or shallow water: that is what a combinator is.
+corrects for waves, fouling or shallow water: that is what a combinator is. With its lever trimmed by the
+watch until the log reads what is ordered, it sails at the speed of controllers that hold it, and can be
+compared with them.
 """
 
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +31,8 @@ FULL_PITCH_LEVER = 0.45
 
 TORQUE_MARGIN = 0.97
 """Share of the torque limit that full pitch takes at full speed in calm water."""
+
+_NEAR = 1.0  # [m/s] from the ordered speed: the lever is trimmed
 
 _POINTS = 41  # of the table of steady states along the lever
 
@@ -135,12 +140,18 @@ class Combinator(Controller):
         interval_s: control interval of the environment [s].
         curve: combinator curve; :func:`combinator_curve` by default.
         response_s: time constant of the governed shaft [s].
+        trim_s: time constant with which the lever is trimmed until the log reads the ordered speed [s], as
+            a watch does where waves, wind or a foul hull slow the ship; 0 leaves the lever alone.
 
-    State: the governor's integral [mm], shape (n, 1).
+    State: the governor's integral [mm] and the lever's trim [m/s], shape (n, 2).
+
+    Raises:
+        ValueError: ``trim_s`` is no time from 0 s on.
     """
 
     name = "combinator"
     source = "common practice"
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"combinator-trimmed": {"trim_s": 30.0}}
 
     def __init__(
         self,
@@ -148,8 +159,12 @@ class Combinator(Controller):
         interval_s: float = 0.5,
         curve: Curve | None = None,
         response_s: float = RESPONSE_S,
+        trim_s: float = 0.0,
     ) -> None:
         super().__init__(ship, interval_s)
+        if not (np.isfinite(trim_s) and trim_s >= 0.0):
+            raise ValueError(f"combinator: trim_s = {trim_s!r} s: must be 0 or more")
+        self.trim_s = trim_s
         self.curve = combinator_curve(self.ship) if curve is None else curve
         middle = float(np.interp(0.5, self.curve.lever, self.curve.pitch_ratio))
         self.governor = Governor(self.ship, interval_s, response_s, middle)
@@ -170,14 +185,19 @@ class Combinator(Controller):
         return steady_point(self.ship, float(speed), float(pitch), resistance_factor)
 
     def fresh(self, seen: Readings) -> NDArray[np.float64]:
-        """The integral with which the rack stays where it is."""
+        """The integral with which the rack stays where it is, and no trim."""
         _, speed = self.set_points(seen.speed_order)
-        return self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)[:, None]
+        integral = self.governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
+        return np.column_stack([integral, np.zeros_like(integral)])
 
     def act(
         self, seen: Readings, memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pitch of the curve, and the governor's rack."""
-        pitch, speed = self.set_points(seen.speed_order)
+        if self.trim_s > 0.0:
+            short = seen.speed_order - seen.ship_speed
+            near = np.abs(short) < _NEAR  # after a new order the lever waits
+            memory[:, 1] += np.where(near, self.interval_s / self.trim_s * short, 0.0)
+        pitch, speed = self.set_points(seen.speed_order + memory[:, 1])
         rack, memory[:, 0] = self.governor.command(speed, seen.shaft_speed, memory[:, 0])
         return pitch, rack

@@ -3,7 +3,7 @@
     aim   = v_order + v_offset, within the curve's speeds
     rack  = X(aim) + k_v e + I + k_M (M_s - M) + k_w (w_s - w),     X_min(w) to X_max(w)
     pitch = P(aim) + P_offset + k_P (M_s - M)
-    I'    = k_v e / T,   e = aim - v
+    I'    = g k_v e / T,   e = aim - v
 
 X and P are rack and pitch of the combinator's curve in calm water; v is the speed log over 2 s; M and w
 are torque and speed of the shaft, M_s and w_s their means over 8 s; X_max is the governor's torque
@@ -67,6 +67,7 @@ class SpeedPilot(Controller):
         ship: a ship with a diesel, or its name.
         interval_s: control interval of the environment [s].
         speed_gain: k_v over the mean slope of the curve's rack over ship speed [-].
+        integral_gain: g, above 1 for a speed that is back sooner [-].
         settings: fields of :class:`PilotSettings`.
 
     State: :class:`Slowed` by columns, shape (n, 4).
@@ -84,6 +85,7 @@ class SpeedPilot(Controller):
         ship: str | Ship = "frigate",
         interval_s: float = 0.5,
         speed_gain: float = 2.0,
+        integral_gain: float = 1.0,
         **settings: float,
     ) -> None:
         super().__init__(ship, interval_s)
@@ -99,12 +101,18 @@ class SpeedPilot(Controller):
         self._speed_gain = speed_gain * float(slope)  # [mm s/m]
         hull = self.ship.hull
         drag = hull.resistance_coefficient_N_s2_m2 * float(np.mean(self._speeds))
-        self._reset_s = hull.mass_kg / (2.0 * drag)
+        self._reset_s = hull.mass_kg / (2.0 * drag) / integral_gain
         self._units()
-        self._limits()
+        self._limiters()
 
-    def _limits(self) -> None:
-        """Lowest and highest rack [mm] over shaft speed."""
+    def limits(self, shaft_speed: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest rack [mm] that the pilot commands at shaft speeds [rad/s]."""
+        return (
+            np.interp(shaft_speed, self._speed_grid, self._least),
+            np.interp(shaft_speed, self._speed_grid, self._most),
+        )
+
+    def _limiters(self) -> None:
         plant, (low, high) = self.plant, self.ship.shaft_speeds
         self._speed_grid = speeds = np.linspace(0.5 * low, 1.2 * high, _LIMITER_POINTS)
         envelope = np.array([highest_rack(plant, float(w)) for w in speeds])
@@ -149,8 +157,7 @@ class SpeedPilot(Controller):
             + settings.torque_gain * self._torque_unit * light
             + settings.shaft_gain * self._shaft_unit * (slowed.shaft_speed - shaft_speed)
         )
-        highest = np.interp(shaft_speed, self._speed_grid, self._most)
-        lowest = np.interp(shaft_speed, self._speed_grid, self._least)
+        lowest, highest = self.limits(shaft_speed)
         rack = steady + slowed.integral
         held = (
             (np.abs(error) > _FAR)
@@ -167,9 +174,12 @@ class SpeedPilot(Controller):
         return pitch, np.clip(rack, lowest, highest), integral
 
     def fresh(self, seen: Readings) -> NDArray[np.float64]:
-        """The readings as if they had stood for ever, and no integral."""
-        now = _slowed(seen)
-        return np.column_stack([now, np.zeros(len(now))])
+        """The readings as if they had stood for ever, and the integral that the rack's load has taken.
+
+        That is what the rack stands above the curve's at the ship's speed: so it takes over without a bump.
+        """
+        load = seen.fuel_rack - np.interp(seen.ship_speed, self._speeds, self._rack)
+        return np.column_stack([_slowed(seen), load])
 
     def act(
         self, seen: Readings, memory: NDArray[np.float64]

@@ -5,12 +5,14 @@
     p+    : M_p(v+, w, p+) = M*               by inverting KQ
     alpha* = mean of alpha(v, w, p_0)          cavitation mode: their effective angle of attack
     p+    : alpha(v+, w, p+) = alpha*          by inverting its arctangents
-    P_d   = p + (p+ - p) / (1 - exp(-T_c / tau_p))
+    p_d   = p_0 + g (p+ - p_0)
+    P_d   = p + (p_d - p) / (1 - exp(-T_c / tau_p))
 
 p_0 is the pitch and the rack is the command of the speed pilot, here without its own answer to waves: so
 the rack holds the ship's speed slowly. The means over 20 s are taken at p_0, and there the mean pitch
 stays. The last line inverts the actuator's lag: the pitch has arrived when the next command comes. T_p
-makes up for the actuator, half a second ahead. Without a valid estimate the wake's share of the log's
+makes up for the actuator, half a second ahead. g is less than one because the blades cannot follow the
+whole of a steep wave: where their rate binds they come late, and what comes late does harm. Without a valid estimate the wake's share of the log's
 speed stands in, and the law answers to nothing but the ship's own speed.
 """
 
@@ -37,6 +39,7 @@ SLOPE_S = 0.5
 """Time constant of the estimate's slope [s]."""
 
 _HALVINGS = 30
+_LIMITED_SHARE = 0.5
 _OWN = 4  # the pilot's columns of the memory, before these
 VELOCITY, SLOPE, AIM = range(_OWN, _OWN + 3)
 """Columns of the memory: last estimate [m/s], its slope [m/s2], M* [N m] or alpha* [deg]."""
@@ -91,6 +94,7 @@ def place_all(
     velocity: NDArray[np.float64],
     shaft_speed: NDArray[np.float64],
     base: NDArray[np.float64],
+    share: float,
     memory: NDArray[np.float64],
     pitch: NDArray[np.float64],
 ) -> None:
@@ -104,7 +108,8 @@ def place_all(
         now = load_of(plant, cavitation, velocity[i], shaft_speed[i], base[i])
         row[AIM] = slow * row[AIM] + (1.0 - slow) * now
         ahead = velocity[i] + ahead_s * row[SLOPE]
-        pitch[i] = pitch_of(plant, cavitation, ahead, shaft_speed[i], row[AIM])
+        wanted = pitch_of(plant, cavitation, ahead, shaft_speed[i], row[AIM])
+        pitch[i] = base[i] + share * (wanted - base[i])
 
 
 class VaPitch(SpeedPilot):
@@ -115,6 +120,7 @@ class VaPitch(SpeedPilot):
         interval_s: control interval of the environment [s].
         cavitation: hold the angle of attack instead of the torque.
         ahead_s: T_p [s].
+        share: g [-], 0 to 1; by default 1, or 0.5 where the blades' rate is limited.
         settings: as of :class:`SpeedPilot`, whose gains on torque and shaft speed are 0 here by default.
 
     State: that of the pilot, and the columns :data:`VELOCITY`, :data:`SLOPE` and :data:`AIM`; shape
@@ -123,7 +129,7 @@ class VaPitch(SpeedPilot):
     Raises:
         ShipError: the ship has no diesel or cannot move.
         TypeError: an unknown setting.
-        ValueError: the ship's pitch is fixed, or ``ahead_s`` is no time from 0 s on.
+        ValueError: the ship's pitch is fixed, ``ahead_s`` is no time from 0 s on, or ``share`` no share.
     """
 
     name = "va-pitch"
@@ -137,6 +143,7 @@ class VaPitch(SpeedPilot):
         *,
         cavitation: bool = False,
         ahead_s: float = 0.5,
+        share: float | None = None,
         **settings: float,
     ) -> None:
         calm = {"torque_gain": 0.0, "shaft_gain": 0.0, "pitch_gain": 0.0}
@@ -145,7 +152,11 @@ class VaPitch(SpeedPilot):
             raise ValueError(f"{self.ship.name}: va-pitch needs a controllable pitch")
         if not (np.isfinite(ahead_s) and ahead_s >= 0.0):
             raise ValueError(f"va-pitch: ahead_s = {ahead_s!r} s: must be 0 or more")
-        self.cavitation, self.ahead_s = bool(cavitation), ahead_s
+        if share is None:
+            share = _LIMITED_SHARE if np.isfinite(self.plant["pitch_rate_limit"]) else 1.0
+        if not 0.0 <= share <= 1.0:
+            raise ValueError(f"va-pitch: share = {share!r}: must be from 0 to 1")
+        self.cavitation, self.ahead_s, self.share = bool(cavitation), ahead_s, share
         lag = self.ship.pitch_actuator.time_constant_s
         self._arrives = 1.0 - float(np.exp(-interval_s / lag))
 
@@ -170,7 +181,7 @@ class VaPitch(SpeedPilot):
         target = np.empty(len(base))
         place_all(
             self.plant, self.cavitation, self.ahead_s, self.interval_s, self.velocity(seen),
-            seen.shaft_speed, base, memory, target,
+            seen.shaft_speed, base, self.share, memory, target,
         )  # fmt: skip
         pitch = seen.pitch_ratio + (target - seen.pitch_ratio) / self._arrives
         return pitch, rack

@@ -163,11 +163,10 @@ def _print(path: Path, folder: Path, task: str, observer: str) -> None:
     """The curve, where the time went, and what to do next."""
     policy = load_policy(path)
     curve = pd.DataFrame(policy.curve)
-    chosen = int(policy.about["leg"])
     shown = curve[list(_CURVE)].rename(columns=_CURVE)
     shown["steps"] = shown["steps"].astype(int)
-    shown.insert(0, "leg", [f"{i + 1} *" if i + 1 == chosen else f"{i + 1}" for i in curve.index])
-    print_table(shown, f"{folder}: judged after each leg; * is kept")
+    shown.insert(0, "leg", range(1, len(curve) + 1))
+    print_table(shown, f"{folder}: judged after each leg; the last is kept")
     last = curve.iloc[-1]
     say(
         f"{last['seconds'] / 60.0:.1f} minutes, {last['environment_share']:.0%} of them in the "

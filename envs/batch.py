@@ -17,6 +17,7 @@ from ..observers import get_observer
 from ..observers.base import ESTIMATE
 from ..plant import Ship, equilibrium, realise
 from ..plant.dynamics import settled
+from ..plant.hull import resistance, water_speed, wave_resistance
 from ..plant.state import Inputs, State
 from ..plant.stepping import Disturbance, prepare
 from ..plant.waves import calm
@@ -28,10 +29,14 @@ from .tasks import get_task
 _FIELDS: Any = ENVIRONMENT.fields
 
 
-@functools.lru_cache(maxsize=16)
-def _steady_table(ship: Ship) -> NDArray[Any]:
-    """Steady states in calm water by rising ship speed: ship speed, shaft speed and pitch [STATE's
-    units], and the commands that hold them.
+_LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
+"""Resistance over that of calm water at which steady states are worked out."""
+
+
+@functools.lru_cache(maxsize=16 * len(_LOADS))
+def _steady_table(ship: Ship, load: float = 1.0) -> NDArray[Any]:
+    """Steady states under a load by rising ship speed: ship speed, shaft speed and pitch [STATE's units],
+    and the commands that hold them.
     """
     plant = ship.record()
     pitch = float(
@@ -40,7 +45,7 @@ def _steady_table(ship: Ship) -> NDArray[Any]:
     rows = []
     for rack in np.linspace(0.05, 0.95, 19) * float(plant["drive_max"]):
         try:
-            found = equilibrium(ship, float(rack), pitch).state
+            found = equilibrium(ship, float(rack), pitch, resistance_factor=load).state
         except ValueError:
             continue  # too little fuel to turn the shaft
         engine_speed = found.shaft_speed * plant["gear_ratio"]
@@ -50,6 +55,19 @@ def _steady_table(ship: Ship) -> NDArray[Any]:
         raise ValueError(f"{ship.name}: no steady states inside the engine's speed range")
     names = ("ship_speed", "shaft_speed", "pitch_ratio", "drive", "pitch_command")
     return np.array(sorted(rows), dtype=[(name, np.float64) for name in names])
+
+
+@functools.lru_cache(maxsize=16)
+def _loaded(ship: Ship) -> tuple[NDArray[np.float64], list[NDArray[Any]]]:
+    """The loads that the ship can sail under, and their steady states."""
+    loads, tables = [], []
+    for load in _LOADS:
+        try:
+            tables.append(_steady_table(ship, load))
+        except ValueError:
+            continue  # more, or less, than her engine can work against
+        loads.append(load)
+    return np.array(loads), tables
 
 
 @functools.lru_cache(maxsize=16)
@@ -187,21 +205,29 @@ class Batch:
         return realise(sea, self.ship.propeller.depth_m, wave_seed) if sea else calm()
 
     def _start(self, i: int, speed: float) -> None:
-        """Put environment ``i`` where the ship, calm and at a speed [m/s], would be."""
-        arrays, table = self.arrays, self.table
-        episode = arrays.episodes[i]
-        known = table["ship_speed"]
+        """Put environment ``i`` where the ship would be that has long sailed at a speed [m/s].
+
+        As far as its mean goes: the slow swing and single waves have moved nothing yet.
+        """
+        arrays = self.arrays
+        episode, plant = arrays.episodes[i], arrays.plants[i]
+        known = self.table["ship_speed"]
+        factor = float(episode["resistance_mean"])
+        calm = resistance(plant, water_speed(plant, max(speed, known[0])), 1.0)
+        load = factor + wave_resistance(plant, arrays.seas[i]["head_sea"]) / calm
+        loads, tables = _loaded(self.ship)
 
         def at(name: str) -> float:
-            return float(np.interp(speed, known, table[name]))
+            values = [float(np.interp(speed, t["ship_speed"], t[name])) for t in tables]
+            return float(np.interp(load, loads, values))
 
-        rack, factor = at("drive"), float(episode["resistance_mean"])
+        rack = at("drive")
         episode["pitch_command"], episode["drive"] = at("pitch_command"), rack
         episode["integral"] = rack  # the governor takes over without a bump
         bare = State(
             at("pitch_ratio"), at("shaft_speed"), float(np.clip(speed, known[0], known[-1]))
         )
-        inputs = Inputs(rack, float(episode["pitch_command"]), resistance_factor=factor)
+        inputs = Inputs(rack, float(episode["pitch_command"]), resistance_factor=load)
         arrays.states[i] = tuple(settled(arrays.plants[i], bare, inputs))
         arrays.estimates[i] = np.zeros(1, ESTIMATE)[0]
         prepare(

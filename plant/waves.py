@@ -239,6 +239,47 @@ def _sum(lanes: NDArray[np.float64]) -> float:
 
 
 @compiled
+def inflow_ahead(
+    sea: Record,
+    time_s: float,
+    position_m: float,
+    speed: float,
+    interval_s: float,
+    found: NDArray[np.float64],
+) -> None:
+    """Inflow [m/s] where a ship will be that keeps her speed, as of :func:`field`.
+
+    Args:
+        sea: SEA record; its phasors stay untouched.
+        time_s: now.
+        position_m: of the ship, now.
+        speed: of the ship [m/s].
+        interval_s: between two entries of what is found.
+        found: filled, the first with the present inflow.
+    """
+    found[:] = 0.0
+    if sea.present == 0:
+        return
+    angle = sea.scratch[0]
+    c, s, dc, ds = np.empty((4, COMPONENTS))
+    for k in range(COMPONENTS):
+        angle[k] = sea.frequency[k] * time_s + sea.wavenumber[k] * position_m + sea.phase[k]
+    unit_phasors(angle, c, s)
+    for k in range(COMPONENTS):
+        angle[k] = (sea.frequency[k] + sea.wavenumber[k] * speed) * interval_s
+    unit_phasors(angle, dc, ds)
+    half = COMPONENTS // 2
+    for i in range(len(found)):
+        for k in range(half):
+            angle[k] = sea.velocity[k] * c[k] + sea.velocity[k + half] * c[k + half]
+        found[i] = _sum(angle)
+        for k in range(COMPONENTS):
+            turned = c[k] * dc[k] - s[k] * ds[k]
+            s[k] = c[k] * ds[k] + s[k] * dc[k]
+            c[k] = turned
+
+
+@compiled
 def _measure(sea: Record) -> None:
     """Sum the components at the reference position."""
     half = COMPONENTS // 2

@@ -10,21 +10,22 @@ from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from ...envs.sb3 import Sb3Frigates
-from ..policy.pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
+from ..policy.residual import ANSWERS, Form, Residual
 from .privileged_critic import TOLD, told
 
 
-class PilotEnv(VecEnvWrapper):
-    """Environments as a policy sees and commands them: features in, rates out."""
+class PolicyEnv(VecEnvWrapper):
+    """Environments as a policy sees and commands them: features in, answers out."""
 
-    def __init__(self, venv: Sb3Frigates, reach: Reach, telling: bool) -> None:
+    def __init__(self, venv: Sb3Frigates, form: Form, telling: bool) -> None:
         self.batch = batch = venv.vector.batch
-        self.adapter = PilotAdapter(batch.ship, batch.interval_s, reach)
+        self.adapter = Residual(batch.ship, batch.interval_s, form)
         self._telling = telling
-        width = len(FEATURES) + telling * len(TOLD)
+        width = len(form.features) + telling * len(TOLD)
         unbounded = spaces.Box(-np.inf, np.inf, (width,), np.float32)
         super().__init__(venv, unbounded, spaces.Box(-1.0, 1.0, (len(ANSWERS),), np.float32))
         self.memory: Any = None
+        self._seen: Any = None
         self._told: Any = np.zeros((venv.num_envs, 0), np.float32)
         self.acting_s = 0.0  # spent in the environments
 
@@ -33,16 +34,16 @@ class PilotEnv(VecEnvWrapper):
 
         Episodes that run in step would show an update only their beginnings, and the next their ends.
         """
-        features, self.memory = self.adapter.see(self.venv.reset())
+        self._seen = self.venv.reset()
+        features, self.memory = self.adapter.see(self._seen)
         share = np.arange(self.num_envs) / self.num_envs
         self.batch.elapsed[:] = (share * self.batch.settings.intervals).astype(np.int64)
-        self._features = features
         return self._with_told(features)
 
     def step_async(self, actions: Any) -> None:
         """Take the answers in."""
         begin = time.perf_counter()
-        self.venv.step_async(self.adapter.command(actions, self.memory, self._features))
+        self.venv.step_async(self.adapter.command(actions, self._seen, self.memory))
         self.acting_s += time.perf_counter() - begin
 
     def step_wait(self) -> Any:
@@ -56,7 +57,7 @@ class PilotEnv(VecEnvWrapper):
             for i, row in zip(ended, self._with_told(seen, self._told[ended]), strict=True):
                 infos[i]["terminal_observation"] = row
         features, self.memory = self.adapter.see(observation, self.memory, done)
-        self._features = features
+        self._seen = observation
         told_too = self._with_told(features)
         self.acting_s += time.perf_counter() - begin
         return told_too, reward, done, infos

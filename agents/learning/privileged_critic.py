@@ -1,8 +1,8 @@
 """A critic that is told more than the policy (Pinto et al. 2017), in training only.
 
-A policy does not see the resistance of its episode, nor does a critic with the same eyes. Such a critic
-takes a low torque for a sign of a light ship, and the policy learns to lower the torque instead of the
-cost. Told the disturbance, the critic has no need of signs.
+A policy does not see the resistance of its episode nor the waves that are about to come, nor does a
+critic with the same eyes: what a wave costs then looks like chance, and a low torque like the sign of a
+light ship. Told the disturbance, the critic takes both out of what the policy learns from.
 """
 
 from __future__ import annotations
@@ -15,18 +15,24 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import MlpExtractor
 
+from ...core.compiled import compiled
 from ...envs.batch import Batch
 from ...envs.kernel import resistance_angle
-from ..policy.pilot_adapter import FEATURES
+from ...plant.waves import inflow_ahead
 
+AHEAD_S, EVERY_S = 8.0, 1.0
+"""How far ahead the critic is told the waves, about one of them, and how often [s]."""
+
+_COUNT = round(AHEAD_S / EVERY_S) + 1
 TOLD = (
     "mean resistance", "swing", "rate of swing", "share of the order's time", "rms of the sea",
+    *(f"inflow in {k * EVERY_S:g} s" for k in range(_COUNT)),
 )  # fmt: skip
-"""What the critic is told beside :data:`~shaftline.agents.policy.pilot_adapter.FEATURES`."""
+"""What the critic is told beside what the policy sees."""
 
 
 def told(batch: Batch) -> NDArray[np.float32]:
-    """Columns of :data:`TOLD`, shape (n, 5)."""
+    """Columns of :data:`TOLD`, shape (n, 14)."""
     episodes = batch.arrays.episodes
     time = batch.elapsed * batch.steps * batch.dt
     angle = resistance_angle(episodes, time)
@@ -40,21 +46,35 @@ def told(batch: Batch) -> NDArray[np.float32]:
         spent,
         sea,
     )
-    return np.column_stack(columns).astype(np.float32)
+    inflow = np.empty((batch.n, _COUNT))
+    _inflow(batch.environments, time, EVERY_S, inflow)
+    return np.column_stack([*columns, inflow]).astype(np.float32)
+
+
+@compiled
+def _inflow(
+    environments: Any, time: NDArray[np.float64], every_s: float, found: NDArray[np.float64]
+) -> None:
+    """Waves' inflow at the propellers [m/s], shape (n, k), if the ships keep their speed."""
+    for i in range(len(environments)):
+        state = environments[i].state
+        inflow_ahead(
+            environments[i].sea, time[i], state.position, state.ship_speed, every_s, found[i]
+        )
 
 
 class _Extractor(MlpExtractor):
-    """Two networks; that of the policy sees the first columns only."""
+    """Two networks; that of the policy sees the first ``seen`` columns only."""
 
-    def __init__(self, features_dim: int, *arguments: Any, **options: Any) -> None:
+    def __init__(self, features_dim: int, seen: int, *arguments: Any, **options: Any) -> None:
         super().__init__(features_dim, *arguments, **options)
+        self._seen = seen
         first: Any = self.policy_net[0]
-        narrow = torch.nn.Linear(len(FEATURES), first.out_features, device=first.weight.device)
-        self.policy_net[0] = narrow
+        self.policy_net[0] = torch.nn.Linear(seen, first.out_features, device=first.weight.device)
 
     def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
         """Of the policy: what it sees."""
-        return super().forward_actor(features[:, : len(FEATURES)])
+        return super().forward_actor(features[:, : self._seen])
 
     def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Of both."""
@@ -62,11 +82,22 @@ class _Extractor(MlpExtractor):
 
 
 class PrivilegedCriticPolicy(ActorCriticPolicy):
-    """``MlpPolicy`` whose critic sees all columns and whose policy the first ones."""
+    """``MlpPolicy`` whose critic sees all columns and whose policy the first ones.
+
+    Args:
+        arguments: of ``ActorCriticPolicy``.
+        seen: columns that the policy sees.
+        options: of ``ActorCriticPolicy``.
+    """
+
+    def __init__(self, *arguments: Any, seen: int, **options: Any) -> None:
+        self._seen = seen
+        super().__init__(*arguments, **options)
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = _Extractor(
             self.features_dim,
+            self._seen,
             net_arch=self.net_arch,
             activation_fn=self.activation_fn,
             device=self.device,

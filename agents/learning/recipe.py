@@ -16,7 +16,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from ...envs import Task, Weights, get_task
-from ..policy.pilot_adapter import Reach
+from ..policy.residual import Form
 
 ALGORITHMS = ("ppo", "sac")
 _SET_HERE = {"env", "policy", "verbose", "seed", "device", "tensorboard_log", "_init_setup_model"}
@@ -44,7 +44,7 @@ class Recipe(BaseModel):
     weights: dict[str, float] = Field(
         default_factory=dict, description="of the reward in training, where not the task's own"
     )
-    reach: Reach = Field(default_factory=Reach, description="of the policy's answers")
+    form: Form = Field(default_factory=Form, description="how the policy is tied to the ship")
     hyperparameters: dict[str, Any] = Field(default_factory=dict)
 
     @field_validator("n_timesteps", mode="before")

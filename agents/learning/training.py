@@ -31,10 +31,10 @@ from ...envs.sb3 import Sb3Frigates
 from ...plant import load_ship
 from ..evaluation.episodes import Setting, run_episodes
 from ..evaluation.statistics import interquartile_mean
-from ..policy.pilot_adapter import ANSWERS, FEATURES
+from ..policy.residual import ANSWERS
 from ..policy.policy import Network, Policy, layout
 from .checkpoints import Checkpoints
-from .pilot_env import PilotEnv
+from .policy_env import PolicyEnv
 from .privileged_critic import PrivilegedCriticPolicy
 from .recipe import Recipe, RecipeError
 
@@ -101,13 +101,16 @@ def _built(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list
                     "clipped means"
                 )
             return model, falling
-        return PPO(PrivilegedCriticPolicy, venv, seed=seed, device=device, **chosen), falling
+        policy = dict(chosen.pop("policy_kwargs", None) or {}) | {"seen": len(recipe.form.features)}
+        return PPO(
+            PrivilegedCriticPolicy, venv, seed=seed, device=device, policy_kwargs=policy, **chosen
+        ), falling
     except (AssertionError, TypeError, ValueError) as error:
         raise RecipeError(f"{recipe.algorithm.upper()} refuses the recipe: {error}") from None
 
 
-def network_of(model: Any, normaliser: VecNormalize) -> Network:
-    """The deterministic part of a model of stable-baselines3."""
+def network_of(model: Any, normaliser: VecNormalize, seen: int) -> Network:
+    """The deterministic part of a model of stable-baselines3, whose policy sees so many features."""
     policy = model.policy
     if isinstance(model, PPO):
         hidden, last = policy.mlp_extractor.policy_net, policy.action_net
@@ -120,11 +123,11 @@ def network_of(model: Any, normaliser: VecNormalize) -> Network:
     layers = [layer for layer in hidden if isinstance(layer, torch.nn.Linear)] + [last]
     smooth = any(isinstance(layer, torch.nn.Tanh) for layer in hidden)
     rms: Any = normaliser.obs_rms
-    variance = rms.var[: len(FEATURES)]
+    variance = rms.var[:seen]
     # what never varied, as the estimate of an observer that gives none, taught nothing: it is not heard
     heard = np.where(variance > normaliser.epsilon, np.sqrt(variance + normaliser.epsilon), np.inf)
     return Network(
-        np.array(rms.mean[: len(FEATURES)]), heard, float(normaliser.clip_obs),
+        np.array(rms.mean[: seen]), heard, float(normaliser.clip_obs),
         tuple(layer.weight.detach().cpu().numpy().copy() for layer in layers),
         tuple(layer.bias.detach().cpu().numpy().copy() for layer in layers),
         "tanh" if smooth else "relu", squashed, noise,
@@ -191,7 +194,7 @@ def train(
     frigates = Sb3Frigates(
         recipe.n_envs, task=recipe.rewarded(), ship=ship, threads=threads, **recipe.env_kwargs
     )
-    piloted = PilotEnv(frigates, recipe.reach, telling=recipe.algorithm == "ppo")
+    piloted = PolicyEnv(frigates, recipe.form, telling=recipe.algorithm == "ppo")
     before = progress.legs[-1] if progress.legs else {"seconds": 0.0, "environment_share": 0.0}
     begin = time.perf_counter() - before["seconds"]
     piloted.acting_s = before["seconds"] * before["environment_share"]
@@ -230,7 +233,10 @@ def train(
             model._last_obs = None  # begin anew everywhere
             venv.returns = np.zeros(recipe.n_envs)
             model.learn(leg_steps, callback=watch, reset_num_timesteps=False)
-            policy = Policy(network_of(model, venv), _about(recipe, seed, ship, frigates))
+            policy = Policy(
+                network_of(model, venv, len(recipe.form.features)),
+                _about(recipe, seed, ship, frigates),
+            )
             judged = _judged(policy, recipe, ship, threads)
             spent = time.perf_counter() - begin
             progress.add(
@@ -257,7 +263,7 @@ def _legs(recipe: Recipe) -> tuple[int, int]:
 def _about(recipe: Recipe, seed: int, ship: str, frigates: Sb3Frigates) -> dict[str, Any]:
     batch = frigates.vector.batch
     return {
-        "layout": layout(batch.ship),
+        "layout": layout(batch.ship, recipe.form),
         "ship_source": ship,
         "control_interval_s": batch.interval_s,
         "recipe": recipe.model_dump(),

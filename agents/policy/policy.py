@@ -22,9 +22,9 @@ from ...baselines.controller import OBSERVED, Controller, Readings
 from ...core.files import write_atomically
 from ...envs.tasks import get_task
 from ...plant import Ship
-from .pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
+from .residual import ANSWERS, Form, Residual
 
-FORMAT = 1
+FORMAT = 2
 """Of the file: it changes where what stands in it does, or what a policy sees or answers means."""
 
 _ACTIVATIONS: dict[str, Callable[[Any], Any]] = {"tanh": np.tanh, "relu": partial(np.maximum, 0.0)}
@@ -34,7 +34,7 @@ class PolicyError(ValueError):
     """A policy that cannot be loaded or does not belong here; the message says what differs."""
 
 
-def layout(ship: Ship) -> dict[str, Any]:
+def layout(ship: Ship, form: Form) -> dict[str, Any]:
     """What a policy and the ship it commands must agree on."""
     plant = ship.record()
     ranges = ("pitch_ratio_min", "pitch_ratio_max", "drive_min", "drive_max", "gear_ratio",
@@ -44,7 +44,7 @@ def layout(ship: Ship) -> dict[str, Any]:
         "ship": ship.name,
         "ranges": {name: float(plant[name]) for name in ranges},
         "observed": list(OBSERVED),
-        "features": list(FEATURES),
+        "features": list(form.features),
         "answers": list(ANSWERS),
     }
 
@@ -65,14 +65,14 @@ class Network:
     """A multilayer perceptron behind a normalisation.
 
     Args:
-        mean: of the features, shape (22,).
+        mean: of the features, shape (f,).
         deviation: their standard deviation; infinite where a feature never varied in training.
         clip: of the normalised features.
         weights: of each layer, shape (out, in).
         biases: shape (out,).
         activation: ``tanh`` or ``relu`` between the layers.
         squashed: whether a tanh stands behind the last layer.
-        log_deviation: of the answers' noise in training, shape (5,).
+        log_deviation: of the answers' noise in training, shape (2,).
     """
 
     mean: NDArray[np.float64]
@@ -85,7 +85,7 @@ class Network:
     log_deviation: NDArray[np.float32]
 
     def __call__(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Mean answers, shape (n, 5)."""
+        """Mean answers, shape (n, 2)."""
         x = np.clip((features - self.mean) / self.deviation, -self.clip, self.clip)
         x = x.astype(np.float32)
         act = _ACTIVATIONS[self.activation]
@@ -117,10 +117,11 @@ class Policy(Controller):
     ) -> None:
         self.network, self.about, self.curve = network, dict(about), dict(curve or {})
         vessel = trained_on(about) if ship is None else ship
-        if said := _differences(about.get("layout", {}), layout(vessel)):
+        form = Form(**about["recipe"].get("form", {}))
+        if said := _differences(about.get("layout", {}), layout(vessel, form)):
             raise PolicyError("this policy does not fit: " + "; ".join(said))
         super().__init__(vessel, float(about["control_interval_s"]))
-        self.adapter = PilotAdapter(vessel, self.interval_s, Reach(**about["recipe"]["reach"]))
+        self.adapter = Residual(vessel, self.interval_s, form)
 
     def fresh(self, seen: Readings) -> NDArray[np.float64]:
         """Memory of what is seen for the first time."""
@@ -129,19 +130,18 @@ class Policy(Controller):
     def act(
         self, seen: Readings, memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What the speed pilot commands with the network's mean answers."""
-        features = self.adapter.take_in(seen, memory)
-        return self.adapter.set_points(self.network(features), memory, features)
+        """What the base commands, and the network's mean answers beside it."""
+        answer = self.network(self.adapter.take_in(seen, memory))
+        return self.adapter.set_points(answer, seen, memory)
 
     def explore(
         self, seen: Readings, memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The same with the noise that the answers had in training."""
-        features = self.adapter.take_in(seen, memory)
-        answer = self.network(features)
+        answer = self.network(self.adapter.take_in(seen, memory))
         noise = np.random.default_rng().standard_normal(answer.shape)
         answer = answer + np.exp(self.network.log_deviation) * noise.astype(np.float32)
-        return self.adapter.set_points(answer, memory, features)
+        return self.adapter.set_points(answer, seen, memory)
 
     def summary(self) -> str:
         """What it was trained on, and how it was judged on the way, as text."""

@@ -1,15 +1,20 @@
 """What a learned policy sees of an observation, and how its answers become commands.
 
-The same in training and at sea. A policy without memory cannot tell a wave from a drift, so it is
-given slow versions of the noisy readings beside them. It does not move rack and pitch by hand:
-underneath acts the speed pilot of the baselines, and the policy answers with that pilot's settings. A
-policy that says nothing sails; and what it tries in training is felt over many waves, which a nudge of
-the rack is not.
+The same in training and at sea. Residual policy learning (Silver et al. 2018, Johannink et al. 2019): a
+classic controller, the base, holds the ship's speed slowly, and the policy adds to what it commands,
+
+    P = P_base + r_P a_1
+    X = X_base + r_X a_2,     X_min(w) to X_max(w) as of the speed pilot
+
+at every control interval, so that single waves can be met. A policy that says nothing sails as its base
+does. With a washout, a_1 and a_2 are the answers less their means over that time: the policy then
+answers to waves alone, and speed and fuel stay the base's. It has no memory of its own, so it is shown the last few readings, as they depart
+from their means over 20 s: from those a wave can be foreseen for a part of its period.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,96 +22,104 @@ from numpy.typing import NDArray
 
 from ...baselines.actions import actions
 from ...baselines.controller import Readings, readings, resumed
-from ...baselines.speed_pilot import ERROR_S, MEAN_S, PilotSettings, Slowed, SpeedPilot
+from ...baselines.registry import ControllerError, make_controller
+from ...baselines.speed_pilot import SpeedPilot
 from ...plant import Ship
 
-SLOWED_SIGNALS = ("speed_error", "shaft_speed", "shaft_torque", "advance_velocity")
-"""Readings that are also shown slowed down."""
+MEAN_S = 20.0
+"""Time constant of the means [s]: two or three waves."""
 
-SLOW_S = (ERROR_S, MEAN_S)
-"""Time constants [s]. Slower ones lag so far behind the ship that policies which lean on them swing."""
+RECENT = ("shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack", "advance_velocity")
+"""Readings of which the last few are shown, each less its mean."""
 
-ANSWERS = PilotSettings._fields
-"""What a policy answers, in order: settings of the pilot."""
+ANSWERS = ("pitch_ratio", "fuel_rack")
+"""What a policy answers, in order: how much is added to the base's command, over its reach."""
 
-FEATURES = (
-    "speed_order", "speed_error", "shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack",
-    "advance_velocity", "estimate_valid",
-    *(f"{signal} over {tau:g} s" for tau in SLOW_S for signal in SLOWED_SIGNALS),
-    "integral",
-    *ANSWERS,
+SLOWLY = (
+    "speed_order", "speed_error", "integral",
+    *(f"mean {name}" for name in RECENT),
+    "base pitch_ratio", "base fuel_rack",
+    *(f"mean answer {name}" for name in ANSWERS),
+    "estimate_valid",
 )  # fmt: skip
-"""What a policy sees, in order: readings in their units, slowed readings, the pilot's integral [mm], its
-own followed answers."""
+"""What is shown besides: the order, the log's error over 2 s and the integral of the base, the means, and
+what the base commands."""
 
-_COUNT = len(SLOWED_SIGNALS) * len(SLOW_S)
-_INTEGRAL = _COUNT
-_ANSWERS = slice(_COUNT + 1, None)
-_MEAN_SPEED = len(SLOWED_SIGNALS) + SLOWED_SIGNALS.index("shaft_speed")
-_MEAN_TORQUE = len(SLOWED_SIGNALS) + SLOWED_SIGNALS.index("shaft_torque")
+_MEANS = slice(0, len(RECENT))
+_BASE = slice(len(RECENT), len(RECENT) + len(ANSWERS))
+_ANSWERED = slice(len(RECENT) + len(ANSWERS), len(RECENT) + 2 * len(ANSWERS))
+_FIRST = len(RECENT) + 2 * len(ANSWERS)
 
 
 @dataclass(frozen=True)
-class Reach:
-    """What an answer of 0 means, and how far one of 1 goes; units of the pilot's settings.
+class Form:
+    """How a policy is tied to a ship.
 
     Args:
-        speed_offset: span [m/s] about 0.
-        pitch_offset: span of P/D [-] about 0.
-        torque_gain: at 0, and its span.
-        shaft_gain: at 0, and its span.
-        pitch_gain: at 0, and its span.
-        speed_gain: the pilot's, which the policy does not change.
-        slow_s: time constant with which answers are followed [s].
+        base: speed pilot or one that is built on it, as ``NAME:option=number,...``.
+        pitch_reach: what an answer of 1 adds to the pitch command, as a share of its range [-].
+        rack_reach: likewise to the rack command [-].
+        history: how many readings are shown, the present one among them.
+        washout_s: time over which the mean of the answers is taken out [s]; 0 leaves it in.
+
+    Raises:
+        ValueError: a number out of its range.
     """
 
-    speed_offset: float = 0.5
-    pitch_offset: float = 0.25
-    torque_gain: tuple[float, float] = (1.0, 1.0)
-    shaft_gain: tuple[float, float] = (0.15, 0.3)
-    pitch_gain: tuple[float, float] = (0.7, 2.0)
-    speed_gain: float = 2.0
-    slow_s: float = 4.0
+    base: str = "speed-pilot:torque_gain=0,shaft_gain=0,pitch_gain=0"
+    pitch_reach: float = 0.4
+    rack_reach: float = 0.3
+    history: int = 8
+    washout_s: float = 0.0
 
     def __post_init__(self) -> None:  # noqa: D105 (pydantic's and dataclasses' hook)
-        for field in fields(self):
-            for value in np.ravel(getattr(self, field.name)).tolist():
-                if not 0.0 <= value <= 100.0 or (field.name == "slow_s" and value == 0.0):
-                    raise ValueError(
-                        f"reach.{field.name} = {value!r}: must be from 0 to 100, slow_s above 0"
-                    )
+        for name in ("pitch_reach", "rack_reach"):
+            if not 0.0 <= getattr(self, name) <= 2.0:
+                raise ValueError(f"form.{name} = {getattr(self, name)!r}: must be from 0 to 2")
+        if not 0.0 <= self.washout_s <= 1e4:
+            raise ValueError(f"form.washout_s = {self.washout_s!r} s: must be from 0 to 10 000")
+        if not 1 <= self.history <= 64:
+            raise ValueError(f"form.history = {self.history!r}: must be from 1 to 64 readings")
 
     @property
-    def middles(self) -> NDArray[np.float64]:
-        """Settings at an answer of 0, in the order of :data:`ANSWERS`."""
-        given = (np.ravel(getattr(self, name)) for name in ANSWERS)
-        return np.array([value[0] if len(value) == 2 else 0.0 for value in given])
-
-    @property
-    def spans(self) -> NDArray[np.float64]:
-        """How far an answer of 1 goes from there."""
-        return np.array([np.ravel(getattr(self, name))[-1] for name in ANSWERS])
+    def features(self) -> tuple[str, ...]:
+        """What a policy sees, in order, in the units of the readings."""
+        before = (f"{name} {k} ago" for k in range(self.history) for name in RECENT)
+        return (*SLOWLY, *before)
 
 
-class PilotAdapter:
-    """Between a policy and a ship.
+class Residual:
+    """Between a policy and a ship; see the module.
 
     Args:
         ship: a ship with a diesel.
         interval_s: control interval of the environment [s].
-        reach: of the answers.
+        form: of the tie.
 
-    A memory has shape (n, 14): slowed readings, the pilot's integral, and the answers as they are
-    followed.
+    A memory has shape (n, 9 + 5 h + k): means of :data:`RECENT`, the base's last commands, the means of
+    the answers, the last h readings less their means, the newest first, and the base's own k columns.
+
+    Raises:
+        ControllerError: no such base, or one that is not built on the speed pilot.
     """
 
-    def __init__(self, ship: Ship, interval_s: float, reach: Reach | None = None) -> None:
-        self.ship = ship
-        self.interval_s = interval_s
-        self.reach = reach or Reach()
-        self._keep = np.exp(-interval_s / np.repeat(SLOW_S, len(SLOWED_SIGNALS)))
-        self._slow = float(np.exp(-interval_s / self.reach.slow_s))
-        self._pilot = SpeedPilot(ship, interval_s, self.reach.speed_gain)
+    def __init__(self, ship: Ship, interval_s: float, form: Form | None = None) -> None:
+        self.ship, self.interval_s, self.form = ship, interval_s, form or Form()
+        base = make_controller(self.form.base, ship, interval_s)
+        if not isinstance(base, SpeedPilot):
+            raise ControllerError(
+                f"form.base = {self.form.base!r}: must be the speed pilot or built on it"
+            )
+        self.base = base
+        self._own = slice(_FIRST + len(RECENT) * self.form.history, None)
+        self._keep = float(np.exp(-interval_s / MEAN_S))
+        washout_s = self.form.washout_s
+        self._taken = 1.0 - float(np.exp(-interval_s / washout_s)) if washout_s > 0.0 else 0.0
+        plant = base.plant
+        self._spans = (
+            self.form.pitch_reach * float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
+            self.form.rack_reach * float(plant["drive_max"] - plant["drive_min"]),
+        )
 
     def see(
         self, observation: Any, memory: Any = None, starting: Any = None
@@ -119,7 +132,7 @@ class PilotAdapter:
             starting: true where an episode begins, shape (n,).
 
         Returns:
-            Features of shape (n, 22), and the memory.
+            Features of shape (n, f), in the order of :attr:`Form.features`, and the memory.
         """
         seen = readings(observation)
         after = resumed(memory, self.fresh(seen), starting)
@@ -127,61 +140,53 @@ class PilotAdapter:
 
     def fresh(self, seen: Readings) -> NDArray[np.float64]:
         """Memory of what is seen for the first time: as if it had stood for ever."""
-        often = np.tile(_heard(seen), len(SLOW_S))
-        return np.column_stack([often, np.zeros((len(often), 1 + len(ANSWERS)))])
+        own = self.base.fresh(seen)
+        now = _recent(seen, np.zeros(len(own)))
+        before = np.zeros((len(own), 2 * len(ANSWERS) + len(RECENT) * self.form.history))
+        return np.column_stack([now, before, own])
 
     def take_in(self, seen: Readings, memory: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Features, shape (n, 22); the memory takes the readings in, in place."""
-        heard = _heard(seen)
-        often = np.tile(heard, len(SLOW_S))
-        memory[:, :_COUNT] = self._keep * memory[:, :_COUNT] + (1.0 - self._keep) * often
-        error, _, _, estimate = heard.T
-        features = np.column_stack(
-            [seen.speed_order, error, seen.shaft_speed, seen.shaft_torque, seen.pitch_ratio,
-             seen.fuel_rack, estimate, seen.estimate_valid > 0.5, memory]
-        )  # fmt: skip
-        return features.astype(np.float32)
+        """Features; the memory takes the readings in, in place."""
+        now = _recent(seen, memory[:, len(RECENT) - 1])
+        means = memory[:, _MEANS]
+        means += (1.0 - self._keep) * (now - means)
+        own = memory[:, self._own]
+        memory[:, _BASE] = np.column_stack(self.base.act(seen, own))
+        last = memory[:, _FIRST : self._own.start]
+        last[:, len(RECENT) :] = last[:, : -len(RECENT)].copy()
+        last[:, : len(RECENT)] = now - means
+        error, integral = own[:, 0], own[:, 3]
+        return np.column_stack(
+            [seen.speed_order, error, integral, means, memory[:, _BASE], memory[:, _ANSWERED],
+             seen.estimate_valid > 0.5, last]
+        ).astype(np.float32)  # fmt: skip
 
-    def command(
-        self, answer: Any, memory: NDArray[np.float64], features: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """Action of the environment, shape (n, 2); the memory takes the answers in.
-
-        Args: as of :meth:`set_points`.
-        """
-        return actions(self._pilot.plant, *self.set_points(answer, memory, features))
-
-    def set_points(
-        self, answer: Any, memory: NDArray[np.float64], features: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Commanded P/D [-] and fuel rack [mm], each of shape (n,); the memory takes the answers in.
+    def command(self, answer: Any, seen: Any, memory: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Action of the environment, shape (n, 2).
 
         Args:
-            answer: in [-1, 1], shape (n, 5).
-            memory: changed in place.
-            features: of :meth:`see`, shape (n, 22).
+            answer: in [-1, 1], shape (n, 2).
+            seen: the observation that was answered, shape (n, 8).
+            memory: with the observation taken in.
         """
+        pitch, rack = self.set_points(answer, readings(seen), memory)
+        return actions(self.base.plant, pitch, rack)
+
+    def set_points(
+        self, answer: Any, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Commanded P/D [-] and fuel rack [mm], each of shape (n,); the memory takes the answers in."""
         said = np.clip(np.asarray(answer, dtype=np.float64), -1.0, 1.0)
-        followed = self._slow * memory[:, _ANSWERS] + (1.0 - self._slow) * said
-        memory[:, _ANSWERS] = followed
-        settings = PilotSettings(*(self.reach.middles + self.reach.spans * followed).T)
-        order, shaft_speed, torque = (
-            features[:, FEATURES.index(name)].astype(np.float64)
-            for name in ("speed_order", "shaft_speed", "shaft_torque")
-        )
-        slowed = Slowed(
-            memory[:, SLOWED_SIGNALS.index("speed_error")],
-            memory[:, _MEAN_SPEED],
-            memory[:, _MEAN_TORQUE],
-            memory[:, _INTEGRAL],
-        )
-        pitch, rack, integral = self._pilot.command(order, shaft_speed, torque, slowed, settings)
-        memory[:, _INTEGRAL] = integral
-        return pitch, rack
+        mean = memory[:, _ANSWERED]
+        mean += self._taken * (said - mean)
+        pitch, rack = (memory[:, _BASE] + self._spans * (said - mean)).T
+        return pitch, np.clip(rack, *self.base.limits(seen.shaft_speed))
 
 
-def _heard(seen: Readings) -> NDArray[np.float64]:
-    """The :data:`SLOWED_SIGNALS` as they are now, shape (n, 4)."""
-    error = seen.speed_order - seen.ship_speed
-    estimate = np.where(seen.estimate_valid > 0.5, seen.advance_velocity, 0.0)
-    return np.column_stack([error, seen.shaft_speed, seen.shaft_torque, estimate])
+def _recent(seen: Readings, estimate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The readings :data:`RECENT`, shape (n, 5); without a valid estimate the one that is given."""
+    valid = (seen.estimate_valid > 0.5) & np.isfinite(seen.advance_velocity)
+    velocity = np.where(valid, seen.advance_velocity, estimate)
+    return np.column_stack(
+        [seen.shaft_speed, seen.shaft_torque, seen.pitch_ratio, seen.fuel_rack, velocity]
+    )

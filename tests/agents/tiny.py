@@ -1,12 +1,18 @@
-"""Trainings of seconds."""
+"""Trainings of seconds, and a policy without one."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from shaftline.agents.learning.recipe import Recipe
 from shaftline.agents.learning.training import train
+from shaftline.agents.policy.policy import Network, Policy, layout
+from shaftline.agents.policy.residual import ANSWERS, Form
+from shaftline.envs import get_task
 
 PPO: dict[str, Any] = {
     "n_steps": 16, "batch_size": 32, "n_epochs": 2, "learning_rate": "lin_1e-3", "use_sde": True,
@@ -25,6 +31,24 @@ def recipe(algorithm: str = "ppo", **changes: Any) -> Recipe:
         "env_kwargs": {"episode_s": 10.0}, "hyperparameters": PPO if algorithm == "ppo" else SAC,
     }  # fmt: skip
     return Recipe.model_validate(fields | changes)
+
+
+def plain_policy(task: str = "transit", form: Form | None = None) -> Policy:
+    """One that says nothing."""
+    form = form or Form()
+    n, answers = len(form.features), len(ANSWERS)
+    network = Network(
+        np.zeros(n), np.ones(n), 10.0, (np.zeros((answers, n), np.float32),),
+        (np.zeros(answers, np.float32),), "tanh", False, np.zeros(answers, np.float32),
+    )  # fmt: skip
+    plan = {"task": task, "algorithm": "ppo", "form": asdict(form), "env_kwargs": {}}
+    vessel = get_task(task).vessel
+    ship = get_task(task).sailed()
+    return Policy(
+        network,
+        {"layout": layout(ship, form), "ship_source": vessel, "control_interval_s": 0.5,
+         "recipe": plan, "seed": 0},
+    )  # fmt: skip
 
 
 class StopTestError(Exception):

@@ -12,6 +12,7 @@ from shaftline.baselines.combinator import (
 )
 from shaftline.baselines.governor import Governor
 from shaftline.baselines.steady_points import steady_point
+from shaftline.envs import FrigateVectorEnv
 from shaftline.plant import Ship, ShipError, load_ship
 
 from .voyage import sail
@@ -148,13 +149,39 @@ def test_episodes_begin_afresh_and_batches_equal_singles() -> None:
     actions, state = combinator.predict(rows)
     assert actions.dtype == np.float32
     assert actions.shape == (2, 2)
-    assert state.shape == (2, 1)
+    assert state.shape == (2, 2)
     again, later = combinator.predict(rows, state + 5.0, np.array([True, False]))
     np.testing.assert_array_equal(again[0], actions[0])
     assert later[1, 0] != state[1, 0]
     single, _ = combinator.predict(rows[1])
     np.testing.assert_array_equal(single, actions[1])
     assert np.all(np.abs(actions) <= 1.0)
+
+
+def test_a_trimmed_lever_brings_the_log_to_the_order() -> None:
+    """In a heavier sea the plain one stays slower than ordered; the watch's trim makes it good."""
+    errors = {}
+    for trim_s in (0.0, 30.0):
+        env = FrigateVectorEnv(2, task="transit", sea="calm", sensor_noise=0.0, episode_s=400.0)
+        lever = Combinator("frigate", trim_s=trim_s)
+        options = {"speed_order_m_s": 7.5, "resistance_rise": 0.3}
+        (seen, _), state = env.reset(seed=1, options=options), None
+        for _ in range(790):
+            action, state = lever.predict(seen, state)
+            seen, *_ = env.step(action)
+        errors[trim_s] = float(np.abs(7.5 - seen[:, 5]).max())
+    assert errors[0.0] > 0.4
+    assert errors[30.0] < 0.15
+    assert (state[:, 1] > 0.2).all()  # type: ignore[index]
+
+
+def test_after_a_new_order_the_trim_waits() -> None:
+    lever = Combinator("frigate", trim_s=30.0)
+    for short, moves in ((0.9, 0.5 / 30.0 * 0.9), (-0.9, -0.5 / 30.0 * 0.9), (1.1, 0.0)):
+        row = np.array([8.0, 9.0, 1e5, 1.2, 15.0, 8.0 - short, 6.6, 1.0])
+        assert lever.predict(row)[1][0, 1] == pytest.approx(moves)
+    with pytest.raises(ValueError, match=r"trim_s = -1\.0 s"):
+        Combinator("frigate", trim_s=-1.0)
 
 
 def test_bad_curves_are_refused() -> None:

@@ -19,6 +19,7 @@ from shaftline.plant import Ship, ShipError, load_ship
 
 NAMES = [
     "combinator",
+    "combinator-trimmed",
     "cpp-optimiser",
     "anti-spin",
     "no-anti-spin",
@@ -71,7 +72,7 @@ def test_options_are_numbers_by_name(frigate: Ship) -> None:
     [
         (
             "autopilot",
-            "unknown controller 'autopilot'; known: combinator, cpp-optimiser, anti-spin",
+            "unknown controller 'autopilot'; known: combinator, combinator-trimmed, cpp-optimiser",
         ),
         ("combinator:foo=1", "'combinator:foo=1': .*foo"),
         ("anti-spin:foo=1", "'anti-spin:foo=1': .*foo"),

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shaftline.baselines.actions import decode
 from shaftline.baselines.combinator import Combinator, combinator_curve
 from shaftline.baselines.governor import highest_rack
 from shaftline.baselines.speed_pilot import PilotSettings, Slowed, SpeedPilot
@@ -89,7 +90,9 @@ def test_integral_stands_still_while_the_error_is_large_or_the_rack_at_a_limit()
 
     def gained(error: float, order: float = 8.0, shaft_speed: float = 10.0) -> float:
         row = [order, shaft_speed, 1e5, 1.2, 15.0, order - error, 7.0, 1.0]
-        return float(pilot.predict(row)[1][0, 3])
+        memory = pilot.predict(row)[1]
+        memory[0, 3] = 0.0  # as if there were no load beside the calm water's
+        return float(pilot.predict(row, memory)[1][0, 3])
 
     # k_v dt / T a metre per second; T of the frigate is 73 s
     curve = combinator_curve(pilot.ship).ship_speed
@@ -103,6 +106,20 @@ def test_integral_stands_still_while_the_error_is_large_or_the_rack_at_a_limit()
     assert gained(0.2, shaft_speed=1.2 * high) == 0.0 > gained(-0.2, shaft_speed=1.2 * high)
     # at a low order, so that the idling engine's own envelope is not in the way
     assert gained(-0.2, 3.0, 0.9 * low) == 0.0 < gained(0.2, 3.0, 0.9 * low)
+
+
+def test_it_takes_over_without_a_bump() -> None:
+    """What the rack stands above the curve's at the ship's speed is the load's, and is kept."""
+    pilot = SpeedPilot("frigate", torque_gain=0.0, shaft_gain=0.0)
+    low = pilot.predict([7.0, 9.0, 1e5, 1.2, 17.0, 7.0, 6.6, 1.0])[0]
+    assert decode(float(low[1]), 0.0, 40.0) == pytest.approx(17.0, abs=1e-4)
+    faster = SpeedPilot("frigate", torque_gain=0.0, shaft_gain=0.0, integral_gain=3.0)
+    grown = []
+    for one in (pilot, faster):
+        row = [7.2, 9.0, 1e5, 1.2, 17.0, 7.0, 6.6, 1.0]
+        memory = one.predict(row)[1]
+        grown.append(float(one.predict(row, memory)[1][0, 3] - memory[0, 3]))
+    assert grown[1] == pytest.approx(3.0 * grown[0])
 
 
 def torque_deviation(**settings: float) -> Any:

@@ -15,6 +15,7 @@ from shaftline.baselines.governor import tune
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, Settings, get_task
 from shaftline.envs.batch import Batch, _governor_gains, _steady_table
 from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
+from shaftline.plant.hull import resistance, wave_resistance
 from shaftline.plant.waves import SEA
 
 from .by_hand import STILL
@@ -189,7 +190,7 @@ def test_a_seed_decides_every_draw() -> None:
 
 def test_the_ship_begins_at_her_first_order() -> None:
     env = FrigateEnv(task="speed-keeping", sea="calm")
-    env.reset(seed=2)
+    env.reset(seed=2, options={"resistance_rise": 0.0})
     episode, state = env.batch.arrays.episodes[0], env.batch.arrays.states[0]
     order, table = float(episode["orders"][0]), env.batch.table
     assert state["ship_speed"] == order
@@ -199,6 +200,32 @@ def test_the_ship_begins_at_her_first_order() -> None:
     assert episode["integral"] == env.batch.arrays.memories[0]["rack"] == episode["drive"]
     assert episode["pitch_command"] == pytest.approx(1.2)
     assert state["position"] == 0.0
+
+
+@pytest.mark.parametrize("load", [1.25, 1.37])
+def test_a_ship_begins_with_the_rack_that_her_load_needs(load: float) -> None:
+    """Loads between those of the tables too; waves from ahead load her as a heavier hull does."""
+    ship = load_ship("frigate-at-sea").with_values({"ventilation.thrust_loss": 0.0})
+    settings: dict[str, Any] = {"ship": ship, "task": STILL, "sensor_noise": 0.0}
+    env = FrigateEnv(**settings)
+    options = {"speed_order_m_s": 7.0, "resistance_rise": load - 1.0}
+    env.reset(seed=0, options=options)
+    drive = float(env.batch.arrays.episodes[0]["drive"])
+    assert drive > 1.1 * float(
+        np.interp(7.0, env.batch.table["ship_speed"], env.batch.table["drive"])
+    )
+    for _ in range(120):
+        seen, *_ = env.step(held(env))
+    assert seen[5] == pytest.approx(7.0, abs=0.01)
+    height = 2.5
+    env.reset(seed=0, options=options | {"sea": {"hs_m": height, "tp_s": 10.0}})
+    plant, episode = env.batch.arrays.plants[0], env.batch.arrays.episodes[0]
+    waves = wave_resistance(plant, height**2) / resistance(plant, 7.0, 1.0)
+    env.reset(seed=0, options=options | {"resistance_rise": load + waves - 1.0})
+    assert waves > 0.05
+    heavier = float(env.batch.arrays.episodes[0]["drive"])
+    env.reset(seed=0, options=options | {"sea": {"hs_m": height, "tp_s": 10.0}})
+    assert float(episode["drive"]) == pytest.approx(heavier)
 
 
 @pytest.mark.parametrize(("order", "row"), [(1.0, 0), (30.0, -1)])
@@ -236,7 +263,7 @@ STARTS = {"pitch_command", "drive", "integral", "measured_shaft_speed", "mean_br
         ({"speed_order_m_s": (7.0, 8.0)}, {"orders", *STARTS}),
         ({"order_interval_s": 20.0}, {"order_interval"}),
         ({"initial_speed_m_s": 6.0}, STARTS),
-        ({"resistance_rise": 0.5}, {"resistance_mean"}),
+        ({"resistance_rise": 0.5}, {"resistance_mean", *STARTS} - {"speed"}),
         ({"sea": "calm"}, {"sea", "waves", *LOADED}),
         ({"sea": "state-7"}, {"sea", "waves", *LOADED}),
         ({"sea": ["state-7"]}, {"sea", "waves", *LOADED}),

@@ -10,10 +10,19 @@ import pytest
 import torch
 from gymnasium import spaces
 
-from shaftline.agents.learning.privileged_critic import TOLD, PrivilegedCriticPolicy, told
-from shaftline.agents.policy.pilot_adapter import ANSWERS, FEATURES
+from shaftline.agents.learning.privileged_critic import (
+    AHEAD_S,
+    EVERY_S,
+    TOLD,
+    PrivilegedCriticPolicy,
+    told,
+)
+from shaftline.agents.policy.residual import ANSWERS
 from shaftline.envs import FrigateVectorEnv
 from shaftline.envs.kernel import disturbance
+from shaftline.plant.waves import field
+
+SEEN = 9
 
 
 def test_the_critic_is_told_the_disturbance() -> None:
@@ -30,7 +39,7 @@ def test_the_critic_is_told_the_disturbance() -> None:
                 factor = disturbance(rows[i], time).resistance_factor
                 later = disturbance(rows[i], time + 1e-4).resistance_factor
                 rate = (later - factor) / 1e-4 / rows[i]["resistance_frequency"]
-                mean, swing, swing_rate, spent, sea = row.tolist()
+                mean, swing, swing_rate, spent, sea, *inflow = row.tolist()
                 assert mean == pytest.approx(rows[i]["resistance_mean"])
                 assert mean + swing == pytest.approx(factor, rel=1e-6)
                 assert swing_rate == pytest.approx(rate, abs=1e-4)
@@ -39,6 +48,14 @@ def test_the_critic_is_told_the_disturbance() -> None:
                 height = 4.0 * math.sqrt(0.5 * np.sum(env.batch.arrays.seas["amplitude"][i] ** 2))
                 assert sea == pytest.approx(height / 4.0, rel=1e-6)
                 assert 1.0 <= height <= 5.0
+                state, waves = env.batch.arrays.states[i], env.batch.arrays.seas[i]
+                for ahead, told_inflow in zip(
+                    np.arange(0.0, AHEAD_S + EVERY_S, EVERY_S), inflow, strict=True
+                ):
+                    where = state["position"] + ahead * state["ship_speed"]
+                    assert told_inflow == pytest.approx(
+                        field(waves, time + ahead, where)[0], abs=1e-5
+                    )
             assert len({*table[:, 4].tolist()}) == 5
         env.step(np.tile([0.5, 0.1], (5, 1)))
 
@@ -46,15 +63,15 @@ def test_the_critic_is_told_the_disturbance() -> None:
 @pytest.fixture(scope="module")
 def policy() -> Any:
     torch.manual_seed(0)
-    wide = spaces.Box(-np.inf, np.inf, (len(FEATURES) + len(TOLD),), np.float32)
+    wide = spaces.Box(-np.inf, np.inf, (SEEN + len(TOLD),), np.float32)
     answers = spaces.Box(-1.0, 1.0, (len(ANSWERS),), np.float32)
-    return PrivilegedCriticPolicy(wide, answers, lambda _: 1e-3, net_arch=[8, 6])
+    return PrivilegedCriticPolicy(wide, answers, lambda _: 1e-3, seen=SEEN, net_arch=[8, 6])
 
 
 def test_the_policy_sees_the_features_and_the_critic_everything(policy: Any) -> None:
-    rows = torch.randn(4, len(FEATURES) + len(TOLD))
+    rows = torch.randn(4, SEEN + len(TOLD))
     other = rows.clone()
-    other[:, len(FEATURES) :] += 1.0
+    other[:, SEEN:] += 1.0
     for first, second, moves in ((rows, other, False), (rows, rows + 1.0, True)):
         same = torch.equal(
             policy._predict(first, deterministic=True), policy._predict(second, deterministic=True)
@@ -70,10 +87,10 @@ def test_the_networks_are_as_the_recipe_has_them(policy: Any) -> None:
     def widths(layers: Any) -> list[tuple[int, int]]:
         return [(m.in_features, m.out_features) for m in layers if isinstance(m, torch.nn.Linear)]
 
-    assert widths(policy.mlp_extractor.policy_net) == [(22, 8), (8, 6)]
-    assert widths(policy.mlp_extractor.value_net) == [(27, 8), (8, 6)]
+    assert widths(policy.mlp_extractor.policy_net) == [(SEEN, 8), (8, 6)]
+    assert widths(policy.mlp_extractor.value_net) == [(SEEN + len(TOLD), 8), (8, 6)]
     relu = PrivilegedCriticPolicy(
-        policy.observation_space, policy.action_space, lambda _: 1e-3, net_arch=[4],
+        policy.observation_space, policy.action_space, lambda _: 1e-3, seen=SEEN, net_arch=[4],
         activation_fn=torch.nn.ReLU,
     )  # fmt: skip
     assert isinstance(relu.mlp_extractor.policy_net[1], torch.nn.ReLU)

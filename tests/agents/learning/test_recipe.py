@@ -9,7 +9,7 @@ import pytest
 
 from shaftline.agents import RecipeError, load_policy, read_recipe
 from shaftline.agents.learning.recipe import Recipe
-from shaftline.agents.policy.pilot_adapter import Reach
+from shaftline.agents.policy.residual import Form
 from shaftline.agents.policy.policy import trained
 from shaftline.envs import get_task
 
@@ -21,7 +21,7 @@ transit:
   normalize: false
   env_kwargs: {observer: oracle, episode_s: 60.0}
   weights: {fuel_kg_s: 3.0}
-  reach: {speed_offset: 0.8, torque_gain: [1.0, 0.5]}
+  form: {pitch_reach: 0.8, history: 4}
   n_steps: 256
   learning_rate: lin_3e-4
 """
@@ -39,7 +39,7 @@ def test_a_section_becomes_a_recipe(mine: Path) -> None:
     assert plan == Recipe(
         algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, legs=3, normalize=False,
         env_kwargs={"observer": "oracle", "episode_s": 60.0}, weights={"fuel_kg_s": 3.0},
-        reach=Reach(speed_offset=0.8, torque_gain=(1.0, 0.5)),
+        form=Form(pitch_reach=0.8, history=4),
         hyperparameters={"n_steps": 256, "learning_rate": "lin_3e-4"},
     )  # fmt: skip
 
@@ -65,7 +65,7 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         {"algorithm": "sac", "task": "storm", "n_envs": 1, "n_timesteps": 1}
     )
     assert (plan.legs, plan.normalize, plan.policy) == (10, True, "MlpPolicy")
-    assert plan.reach == Reach()
+    assert plan.form == Form()
     assert plan.rewarded() == get_task("storm")
 
 
@@ -84,7 +84,7 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ),
         ("transit: {n_envs: 1, n_timesteps: 1, seed: 2}", "unknown key 'seed'"),
         ("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}", "unknown key 'buffer_size'; PPO"),
-        ("transit: {n_envs: 1, n_timesteps: 1, reach: {slow_s: 0}}", "slow_s"),
+        ("transit: {n_envs: 1, n_timesteps: 1, form: {history: 0}}", "history"),
         ("transit: {n_envs: 1, n_timesteps: 1, weights: {joy: 1}}", "joy"),
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {ship: ferry}}", r"env_kwargs\.ship"),
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {action_mode: rack}}", "action_mode"),

@@ -14,12 +14,14 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
 from shaftline.agents import Policy, PolicyError, Setting, load_policy, run_episodes, train
-from shaftline.agents.policy.pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
+from shaftline.agents.policy.residual import ANSWERS, Form, Residual
 from shaftline.agents.policy.policy import Network, layout, trained, trained_on
 from shaftline.baselines.controller import OBSERVED
 from shaftline.plant import load_ship
 
 from ..tiny import recipe
+
+FEATURES = Form().features
 
 
 @pytest.fixture(scope="module", params=["ppo", "sac"])
@@ -58,10 +60,10 @@ def network(**changes: Any) -> Network:
         "mean": np.full(len(FEATURES), 1.0), "deviation": np.full(len(FEATURES), 2.0), "clip": 3.0,
         "weights": (first, last),
         "biases": tuple(
-            np.asarray(own, np.float32) for own in ([0.25, 0.0], [0.0, 0.1, 0.0, 0.0, -0.2])
+            np.asarray(own, np.float32) for own in ([0.25, 0.0], [0.0, 0.1])
         ),
         "activation": "tanh", "squashed": False,
-        "log_deviation": np.asarray([-1.0, -2.0, -3.0, -4.0, -5.0], np.float32),
+        "log_deviation": np.asarray([-1.0, -2.0], np.float32),
     }  # fmt: skip
     return Network(**(fields | changes))
 
@@ -76,7 +78,7 @@ def test_a_network_by_hand(activation: str, squashed: bool) -> None:
     heard = np.array([[0.5, -0.5], [3.0, 0.0], [-3.0, -3.0]])
     hidden = act(np.stack([heard[:, 0] + 0.25, -2.0 * heard[:, 1]], axis=1))
     raw = np.zeros((3, len(ANSWERS)))
-    raw[:, 0], raw[:, 1], raw[:, 4] = 0.5 * hidden[:, 0], 1.5 * hidden[:, 1] + 0.1, -0.2
+    raw[:, 0], raw[:, 1] = 0.5 * hidden[:, 0], 1.5 * hidden[:, 1] + 0.1
     expected = np.tanh(raw) if squashed else np.clip(raw, -1.0, 1.0)
     assert np.abs(raw).max() > 1.0  # something is there to be held
     found = network(activation=activation, squashed=squashed)(features)
@@ -94,14 +96,14 @@ def test_a_feature_that_never_varied_is_not_heard() -> None:
 
 ABOUT = {
     "control_interval_s": 0.5, "ship_source": "frigate", "seed": 7,
-    "layout": layout(load_ship("frigate")),
-    "recipe": {"algorithm": "ppo", "task": "transit", "reach": {"slow_s": 3.0, "speed_gain": 1.5}},
+    "layout": layout(load_ship("frigate"), Form()),
+    "recipe": {"algorithm": "ppo", "task": "transit", "form": {"pitch_reach": 0.1}},
 }  # fmt: skip
 
 
 def test_a_policy_is_its_network_between_the_adapters_ears_and_hands() -> None:
     policy = Policy(network(), ABOUT)
-    adapter = PilotAdapter(load_ship("frigate"), 0.5, Reach(slow_s=3.0, speed_gain=1.5))
+    adapter = Residual(load_ship("frigate"), 0.5, Form(pitch_reach=0.1))
     rows = np.asarray([[8.0, 10.0, 1e5, 1.2, 20.0, 8.1, 7.0, 1.0]] * 2, np.float32)
     memory = other = None
     for k in range(6):
@@ -109,7 +111,7 @@ def test_a_policy_is_its_network_between_the_adapters_ears_and_hands() -> None:
         starts = np.array([k == 3, False])
         action, memory = policy.predict(rows, memory, starts)
         features, other = adapter.see(rows, other, starts)
-        expected = adapter.command(policy.network(features), other, features)
+        expected = adapter.command(policy.network(features), rows, other)
         assert np.array_equal(action, expected)
         assert np.array_equal(memory, other)
 
@@ -129,8 +131,8 @@ def test_a_policy_that_is_not_deterministic_tries_about_its_answers(
     for _ in range(400):
         policy.predict(row, deterministic=False)
     noise = np.array(tried) - policy.network(policy.adapter.see(row)[0])[0]
-    assert np.std(noise, axis=0) == pytest.approx(np.exp([-1.0, -2.0, -3.0, -4.0, -5.0]), rel=0.15)
-    assert np.abs(np.mean(noise, axis=0) / np.exp([-1.0, -2.0, -3.0, -4.0, -5.0])).max() < 0.2
+    assert np.std(noise, axis=0) == pytest.approx(np.exp([-1.0, -2.0]), rel=0.15)
+    assert np.abs(np.mean(noise, axis=0) / np.exp([-1.0, -2.0])).max() < 0.2
 
 
 def test_what_a_policy_says_of_itself() -> None:
@@ -147,21 +149,21 @@ def test_what_a_policy_says_of_itself() -> None:
 
 def test_the_layout_is_all_that_a_policy_rests_on() -> None:
     ferry = load_ship("ferry")
-    found = layout(ferry)
+    found = layout(ferry, Form(history=3))
     assert found["ship"] == "ferry"
-    assert found["format"] == 1
+    assert found["format"] == 2
     assert found["ranges"]["gear_ratio"] == ferry.transmission.gear_ratio
     assert set(found["ranges"]) == {
         "pitch_ratio_min", "pitch_ratio_max", "drive_min", "drive_max", "gear_ratio",
         "engine_speed_min", "engine_speed_max",
     }  # fmt: skip
     assert (found["observed"], found["features"], found["answers"]) == (
-        list(OBSERVED), list(FEATURES), list(ANSWERS),
+        list(OBSERVED), list(Form(history=3).features), list(ANSWERS),
     )  # fmt: skip
 
 
 def test_a_policy_of_the_storm_belongs_to_the_storms_ship() -> None:
-    about = ABOUT | {"recipe": {"algorithm": "ppo", "task": "storm", "reach": {}}}
+    about = ABOUT | {"recipe": {"algorithm": "ppo", "task": "storm", "form": {}}}
     assert trained_on(about).propeller.depth_m == 3.0
     assert trained_on(ABOUT) == load_ship("frigate")
     assert Policy(network(), about).adapter.ship == trained_on(about)
@@ -195,7 +197,7 @@ def test_inference_is_that_of_stable_baselines3(file: Path) -> None:
     """On normalised features, mean answers agree to the float's last digits."""
     policy = load_policy(file)
     kind: Any = PPO if policy.about["recipe"]["algorithm"] == "ppo" else SAC
-    stem = f"{policy.about['leg']:02d}"
+    stem = f"{len(policy.curve['steps']):02d}"
     model = kind.load(file.parent / "checkpoints" / f"model-{stem}.zip", device="cpu")
     width = model.observation_space.shape[0]
     rng = np.random.default_rng(0)
@@ -229,7 +231,7 @@ def test_one_observation_and_noise(file: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"layout__format": 0}, "format: the policy has 0, here it is 1"),
+        ({"layout__format": 0}, "format: the policy has 0, here it is 2"),
         ({"layout__ship": "launch"}, "ship: the policy has 'launch', here it is 'frigate'"),
         ({"layout__ranges__drive_max": 1.0}, "drive_max: the policy has 1.0"),
         ({"layout__observed": ["torque"]}, r"observed: the policy has \['torque'\]"),

@@ -7,28 +7,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.agents.learning.pilot_env import PilotEnv
+from shaftline.agents.learning.policy_env import PolicyEnv
 from shaftline.agents.learning.privileged_critic import TOLD, told
-from shaftline.agents.policy.pilot_adapter import ANSWERS, FEATURES, PilotAdapter, Reach
+from shaftline.agents.policy.residual import ANSWERS, Form, Residual
 from shaftline.envs import FrigateVectorEnv, Sb3Frigates, get_task
 from shaftline.plant import load_ship
 
-REACH = Reach(pitch_offset=0.1, slow_s=2.0)
+FORM = Form(pitch_reach=0.1, washout_s=2.0, history=2)
+SEEN = len(FORM.features)
 CORRECTED = load_ship("frigate").with_values(
     {"prime_mover.lag_s": 5.0, "propeller.inflow_lag_s": 5.0, "pitch_actuator.offset": 0.03}
 )
 SETTINGS: dict[str, Any] = {"task": "transit", "ship": CORRECTED, "episode_s": 8.0}
 
 
-def made(telling: bool = True, n: int = 4, **settings: Any) -> PilotEnv:
-    env = PilotEnv(Sb3Frigates(n, **SETTINGS | settings), REACH, telling)
+def made(telling: bool = True, n: int = 4, **settings: Any) -> PolicyEnv:
+    env = PolicyEnv(Sb3Frigates(n, **SETTINGS | settings), FORM, telling)
     env.seed(3)
     return env
 
 
 def test_features_and_commands_are_the_adapters() -> None:
     env, twin = made(), FrigateVectorEnv(4, **SETTINGS)
-    adapter = PilotAdapter(CORRECTED, 0.5, REACH)
+    adapter = Residual(CORRECTED, 0.5, FORM)
     shown = env.reset()
     seen, _ = twin.reset(seed=3)
     assert env.batch.elapsed.tolist() == [0, 4, 8, 12]  # of 16: each at another time
@@ -37,11 +38,11 @@ def test_features_and_commands_are_the_adapters() -> None:
     answers = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 4, len(ANSWERS)))
     ended = 0
     for answer in answers:
-        assert np.array_equal(shown[:, : len(FEATURES)], features)
-        assert np.array_equal(shown[:, len(FEATURES) :], told(twin.batch))
+        assert np.array_equal(shown[:, :SEEN], features)
+        assert np.array_equal(shown[:, SEEN:], told(twin.batch))
         before = told(twin.batch)
         shown, reward, done, infos = env.step(answer)
-        action = adapter.command(answer, memory, features)
+        action = adapter.command(answer, seen, memory)
         seen, expected, terminated, truncated, info = twin.step(action)
         assert reward == pytest.approx(expected, rel=1e-6)
         assert np.array_equal(done, terminated | truncated)
@@ -58,15 +59,15 @@ def test_features_and_commands_are_the_adapters() -> None:
 
 def test_only_the_critic_is_told() -> None:
     silent = made(telling=False)
-    assert silent.observation_space.shape == (len(FEATURES),)
-    assert np.shape(silent.reset()) == (4, len(FEATURES))
+    assert silent.observation_space.shape == (SEEN,)
+    assert np.shape(silent.reset()) == (4, SEEN)
     for _ in range(17):
         shown, _, done, infos = silent.step(np.zeros((4, len(ANSWERS))))
-        assert np.asarray(shown).shape == (4, len(FEATURES))
+        assert np.asarray(shown).shape == (4, SEEN)
         for i in np.flatnonzero(done):
-            assert infos[i]["terminal_observation"].shape == (len(FEATURES),)
+            assert infos[i]["terminal_observation"].shape == (SEEN,)
     telling = made()
-    assert telling.observation_space.shape == (len(FEATURES) + len(TOLD),)
+    assert telling.observation_space.shape == (SEEN + len(TOLD),)
     assert telling.action_space.shape == (len(ANSWERS),)
     assert float(telling.action_space.high[0]) == 1.0  # type: ignore[attr-defined]
 
@@ -79,14 +80,13 @@ def test_a_corrected_ship_begins_her_training_settled() -> None:
     }  # fmt: skip
     shown = []
     for ship in (CORRECTED, load_ship("frigate")):
-        env = PilotEnv(
-            Sb3Frigates(2, ship=ship, task=still, sensor_noise=0.0, observer="oracle"), REACH, True
+        env = PolicyEnv(
+            Sb3Frigates(2, ship=ship, task=still, sensor_noise=0.0, observer="oracle"), FORM, True
         )
         env.seed(0)
-        shown.append(dict(zip(FEATURES, env.reset()[0], strict=False)))
+        shown.append(dict(zip(FORM.features, env.reset()[0], strict=False)))
     corrected, plain = shown
-    assert corrected["shaft_torque"] == pytest.approx(plain["shaft_torque"], rel=0.1)
-    assert corrected["shaft_torque over 8 s"] == corrected["shaft_torque"]
-    assert corrected["advance_velocity"] == plain["advance_velocity"]
-    assert corrected["pitch_ratio"] == pytest.approx(plain["pitch_ratio"] + 0.03)
-    assert corrected["fuel_rack"] == pytest.approx(plain["fuel_rack"], rel=0.1)
+    for name in ("shaft_torque", "fuel_rack", "shaft_speed", "advance_velocity"):
+        assert corrected[f"mean {name}"] == pytest.approx(plain[f"mean {name}"], rel=0.1)
+        assert corrected[f"{name} 0 ago"] == 0.0
+    assert corrected["mean pitch_ratio"] == pytest.approx(plain["mean pitch_ratio"] + 0.03)
