@@ -39,9 +39,9 @@ results: $(INSTALLED)
 	$(BIN)/shaftline evaluate --out docs/results/baselines --task transit --seeds 20 \
 	    --controller combinator --controller cpp-optimiser --controller anti-spin \
 	    --sea calm --sea state-3 --sea state-5 --sea state-6 --observer all
-	$(BIN)/python -m shaftline.studies.policies --cards --out docs/results/policies --seeds 60
-	$(BIN)/python -m shaftline.studies.policies.frontier --out docs/results/policies --seeds 60
-	$(BIN)/python -m shaftline.studies.policies.observer_features --out docs/results/observer-features
+	for task in rough-sea calm-machinery; do for seed in 1 2 3 4 5 6 7 8 9 10; do \
+	    $(BIN)/shaftline train --task $$task --seed $$seed --out out/policies/$$task/seed-$$seed; done; done
+	$(BIN)/python -m shaftline.studies.policies --trained out/policies --out docs/results/policies
 	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
 	$(BIN)/python -m shaftline.studies.tito_neri.effects --out docs/results

@@ -176,7 +176,7 @@ class SpeedPilot(Controller):
     def fresh(self, seen: Readings) -> NDArray[np.float64]:
         """The readings as if they had stood for ever, and the integral that the rack's load has taken.
 
-        That is what the rack stands above the curve's at the ship's speed: so it takes over without a bump.
+        That is what the rack stands above the curve's at the ship's speed: a takeover without a bump.
         """
         load = seen.fuel_rack - np.interp(seen.ship_speed, self._speeds, self._rack)
         return np.column_stack([_slowed(seen), load])

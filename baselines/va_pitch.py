@@ -12,8 +12,9 @@ p_0 is the pitch and the rack is the command of the speed pilot, here without it
 the rack holds the ship's speed slowly. The means over 20 s are taken at p_0, and there the mean pitch
 stays. The last line inverts the actuator's lag: the pitch has arrived when the next command comes. T_p
 makes up for the actuator, half a second ahead. g is less than one because the blades cannot follow the
-whole of a steep wave: where their rate binds they come late, and what comes late does harm. Without a valid estimate the wake's share of the log's
-speed stands in, and the law answers to nothing but the ship's own speed.
+whole of a steep wave: where their rate binds they come late, and what comes late does harm. Without a
+valid estimate the wake's share of the log's speed stands in, and the law answers to nothing but the
+ship's own speed.
 """
 
 from __future__ import annotations

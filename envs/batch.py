@@ -35,8 +35,8 @@ _LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 
 @functools.lru_cache(maxsize=16 * len(_LOADS))
 def _steady_table(ship: Ship, load: float = 1.0) -> NDArray[Any]:
-    """Steady states under a load by rising ship speed: ship speed, shaft speed and pitch [STATE's units],
-    and the commands that hold them.
+    """Steady states under a load by rising ship speed: ship speed, shaft speed and pitch (units of
+    STATE), and the commands that hold them.
     """
     plant = ship.record()
     pitch = float(

@@ -29,9 +29,11 @@ from ...baselines.actions import actions, decode
 from ...baselines.controller import Predictor
 from ...envs.batch import Batch
 from ...envs.kernel import RUNNING, control_interval
-from ...envs.records import ENVIRONMENT
+from ...envs.records import EPISODE
 from ...envs.settings import Settings
-from ...plant.state import active_states
+from ...plant.memory import MEMORY
+from ...plant.state import STATE, active_states
+from ...plant.waves import SEA
 
 _FAST = 1.3
 """Bound of the rate over the actuator's: the blades close in on the command within an interval."""
@@ -45,10 +47,9 @@ _STATES = {"pitch_ratio": 1e-4, "shaft_speed": 1e-3, "ship_speed": 1e-3, "positi
 _SHARE = 1e-3  # of states that are shares
 _MOVED = (1e-4, 1e-2)  # commands: rate of the pitch [1/s] and rack [mm]
 _AT_ONCE = 16  # intervals whose slopes are found in one call
+_GAIN = 1e-3  # of the cost, below which a search is not begun anew
 _ENDED = 1e3  # for each interval that an episode lacks which ended
-_CARRIED = np.dtype(
-    [(name, ENVIRONMENT.fields[name][0]) for name in ("state", "memory", "sea", "episode")]
-)
+_CARRIED = np.dtype([("state", STATE), ("memory", MEMORY), ("sea", SEA), ("episode", EPISODE)])
 
 
 class Plan(NamedTuple):
@@ -92,6 +93,11 @@ class Clairvoyant:
         self._beside = Batch(width * _AT_ONCE, quiet)
         for name in ("plant", "observer"):
             self._beside.environments[name] = self._first[name]
+
+    @property
+    def interval_s(self) -> float:
+        """Control interval [s]."""
+        return self._one.interval_s
 
     @property
     def intervals(self) -> int:
@@ -197,7 +203,7 @@ class Clairvoyant:
             one.step(action)
         return np.clip(commands, self.low, self.high)
 
-    def plan(self, begin: NDArray[np.float64], rounds: int = 200) -> Plan:
+    def plan(self, begin: NDArray[np.float64], rounds: int = 300) -> Plan:
         """The best commands that L-BFGS-B finds from some.
 
         Args:
@@ -214,10 +220,15 @@ class Clairvoyant:
             before, rewards, _ = self.sail(commands)
             return -float(rewards.sum()), -(self.gradient(commands, before) * span).ravel()
 
-        found = minimize(
-            cost, ((begin - self.low) / span).ravel(), jac=True, method="L-BFGS-B",
-            bounds=[(0.0, 1.0)] * begin.size,
-            options={"maxfun": rounds, "maxiter": rounds, "maxcor": 30, "ftol": 1e-7},
-        )  # fmt: skip
-        _, rewards, acted = self.sail(self.low + span * found.x.reshape(-1, 2))
+        best, least = ((begin - self.low) / span).ravel(), np.inf
+        while count < rounds:  # the reward has kinks, at which a search may stop short: begun anew
+            found = minimize(
+                cost, best, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * begin.size,
+                options={"maxfun": rounds - count, "maxcor": 30, "ftol": 1e-7},
+            )  # fmt: skip
+            gained = least - float(found.fun)
+            best, least = found.x, float(found.fun)
+            if gained < _GAIN * abs(least):
+                break
+        _, rewards, acted = self.sail(self.low + span * best.reshape(-1, 2))
         return Plan(rewards, acted, count)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from ...envs.kernel import MEAN_S
 
 _NAUTICAL_MILE = 1852.0
+_STEP_M_S = 0.5
+"""Least change of an order that is followed as a step."""
 
 
 SWINGS = ("torque", "engine_torque", "power", "attack")
@@ -41,6 +43,10 @@ class EpisodeSums:
         self.attack: list[NDArray[np.float64]] = []
         self.mean: NDArray[np.float64] | None = None  # of SWINGS, over the last MEAN_S
         self.swing = np.zeros((len(SWINGS), n))  # squares of what departs from it
+        self.order = np.full(n, np.nan)
+        # of the order that is followed: its step, whether it is done; of all: intervals and count
+        self.step, self.rising, self.rises = np.zeros((3, n))
+        self.risen = np.ones(n, dtype=bool)
 
     def add(self, alive: Any, info: dict[str, Any], reward: Any, order: Any) -> None:
         """Take one control interval of those episodes that still run.
@@ -52,6 +58,7 @@ class EpisodeSums:
             order: ordered ship speed [m/s] that was shown before the interval, shape (n,).
         """
         terms, interval = info["reward_terms"], self.interval_s
+        self._follow(alive, info["ship_speed"], np.asarray(order))
         torque = info["shaft_torque"] * 1e-3
         power = info["brake_torque"] * info["shaft_speed"] * self.gear_ratio * 1e-3
         self.count += alive
@@ -84,6 +91,16 @@ class EpisodeSums:
             self.mean = swinging.copy()
         self.mean += interval / MEAN_S * (swinging - self.mean)
         self.swing += alive * (swinging - self.mean) ** 2
+
+    def _follow(self, alive: Any, speed: Any, order: Any) -> None:
+        """Count the time until nine tenths of each new order's step are done."""
+        fresh = alive & np.isfinite(self.order) & (np.abs(order - self.order) > _STEP_M_S)
+        self.step = np.where(fresh, np.abs(order - speed), self.step)
+        self.risen &= ~fresh
+        self.rises += fresh
+        self.order = order.copy()
+        self.rising += alive & ~self.risen
+        self.risen |= np.abs(order - speed) <= 0.1 * self.step
 
     def rms(self, name: str) -> NDArray[np.float64]:
         """What one of :data:`SWINGS` departs from its mean, in its unit."""
@@ -153,6 +170,10 @@ _DECLARED = {
     "outside_bucket_s": _Kpi("time outside the cavitation bucket [s]", lambda s: s.outside),
     "pitch_travel_min": _Kpi(
         "travel of the blades' P/D [1/min]", lambda s: s.pitch_travel / s.time * 60.0
+    ),
+    "rise_s": _Kpi(
+        "mean time from a new order until nine tenths of its step are done, or the next order [s]",
+        lambda s: s.rising * s.interval_s / np.maximum(s.rises, 1.0),
     ),
     "failed": _Kpi(
         "episodes that stalled or tripped [share]", lambda s: s.failed.astype(np.float64)

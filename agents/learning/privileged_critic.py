@@ -47,7 +47,7 @@ def told(batch: Batch) -> NDArray[np.float32]:
         sea,
     )
     inflow = np.empty((batch.n, _COUNT))
-    _inflow(batch.environments, time, EVERY_S, inflow)
+    _inflow(batch.environments, time.astype(np.float64), EVERY_S, inflow)
     return np.column_stack([*columns, inflow]).astype(np.float32)
 
 

@@ -31,8 +31,8 @@ from ...envs.sb3 import Sb3Frigates
 from ...plant import load_ship
 from ..evaluation.episodes import Setting, run_episodes
 from ..evaluation.statistics import interquartile_mean
-from ..policy.residual import ANSWERS
 from ..policy.policy import Network, Policy, layout
+from ..policy.residual import ANSWERS
 from .checkpoints import Checkpoints
 from .policy_env import PolicyEnv
 from .privileged_critic import PrivilegedCriticPolicy

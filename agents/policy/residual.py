@@ -6,10 +6,11 @@ classic controller, the base, holds the ship's speed slowly, and the policy adds
     P = P_base + r_P a_1
     X = X_base + r_X a_2,     X_min(w) to X_max(w) as of the speed pilot
 
-at every control interval, so that single waves can be met. A policy that says nothing sails as its base
-does. With a washout, a_1 and a_2 are the answers less their means over that time: the policy then
-answers to waves alone, and speed and fuel stay the base's. It has no memory of its own, so it is shown the last few readings, as they depart
-from their means over 20 s: from those a wave can be foreseen for a part of its period.
+at every control interval, so that single waves can be met. A policy that says nothing sails as its
+base does. With a washout, a_1 and a_2 are the answers less their means over that time: the policy then
+answers to waves alone, and speed and fuel stay the base's. It has no memory of its own, so it is shown
+the last few readings, as they depart from their means over 20 s: from those a wave can be foreseen for a
+part of its period.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ SLOWLY = (
     *(f"mean answer {name}" for name in ANSWERS),
     "estimate_valid",
 )  # fmt: skip
-"""What is shown besides: the order, the log's error over 2 s and the integral of the base, the means, and
-what the base commands."""
+"""What is shown besides: the order, error over 2 s and integral of the base, the means, what the base
+commands, the means of the answers."""
 
 _MEANS = slice(0, len(RECENT))
 _BASE = slice(len(RECENT), len(RECENT) + len(ANSWERS))

@@ -1,60 +1,46 @@
-"""Learned policies against classic controllers on seas that training never draws, seed by seed."""
+"""Learned policies against classic controllers on seas that training never draws, seed by seed.
+
+A recipe is judged, not a policy: all its trainings that are given sail the same episodes, and intervals
+are over trainings and episodes together.
+"""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from ...agents.evaluation.controllers import version_of
+from ...agents.evaluation.controllers import label, load_controller
 from ...agents.evaluation.episodes import Setting
 from ...agents.evaluation.kpis import KPIS
-from ...agents.evaluation.statistics import interquartile_mean, with_interval
-from ...agents.evaluation.sweeps import episodes
+from ...agents.evaluation.statistics import middle_of_runs, relative_to
+from ...agents.evaluation.sweeps import Episodes, episodes
 from ...agents.policy.policy import Policy, load_policy
-from ...baselines.combinator import combinator_curve
 from ...baselines.controller import Controller
-from ...baselines.registry import make_controller
-from ...baselines.steady_points import steady_point
 from ...envs import DEFAULTS
 from ...envs.tasks import HELD_OUT, get_task
-from ...plant import Ship
 
-BASELINES = {
-    "transit": ("combinator", "cpp-optimiser", "speed-pilot"),
-    "speed-keeping": ("combinator", "cpp-optimiser", "speed-pilot"),
-    "storm": ("combinator", "anti-spin", "no-anti-spin", "cpp-optimiser", "speed-pilot"),
-}
-"""What a policy must beat, by task; the speed pilot is what a policy does that says nothing."""
+HELD, VA_PITCH = "combinator-trimmed", "va-pitch:speed_gain=1"
+BASELINES = ("combinator", HELD, "cpp-optimiser", "anti-spin", "speed-pilot", VA_PITCH)
+"""What a policy is held against. The plain combinator and the optimiser sail slower in waves than is
+ordered, which alone calms the shaft; the trimmed one holds the speed as the policies do."""
 
 POLICY = "policy"
 FIRST_SEED = 900_000
 OBSERVER = DEFAULTS.observer
-ALL = "all"
-"""In the place of a sea: the mean over the held-out seas, taken seed by seed."""
-
-FUEL, EVEN_FUEL = "fuel_kg_nmi", "fuel_even_kg_nmi"
-QUANTITIES = {
-    FUEL: KPIS[FUEL],
-    EVEN_FUEL: "the same at the ordered speed, approximately [kg]",
-    **{
-        name: KPIS[name]
-        for name in (
-            "speed_error_rms_m_s", "speed_mean_m_s", "torque_sd_kN_m", "torque_peak_kN_m",
-            "rack_travel_mm_min", "overload_s", "overspeed_s", "shaft_speed_peak_rad_s",
-            "cavitation_s", "ventilation_s", "thrust_mean_kN", "power_peak_kW", "failed", "reward",
-        )
-    },
-}  # fmt: skip
-"""What is compared, by column."""
-
-RARE = ("overload_s", "overspeed_s", "failed")
-"""Judged by the mean: the interquartile mean does not see what fewer than a quarter of episodes have."""
+SHOWN = (
+    "wave_torque_kN_m", "wave_engine_torque_kN_m", "wave_power_kW", "power_peak_kW",
+    "wave_attack_deg", "attack_99_deg", "outside_bucket_s", "overload_s", "speed_mean_m_s",
+    "speed_error_rms_m_s", "rise_s", "fuel_kg_nmi", "pitch_travel_min", "rack_travel_mm_min",
+    "failed", "reward",
+)  # fmt: skip
+"""What is compared, by column of the KPIs."""
 
 
 @dataclass(frozen=True)
@@ -63,96 +49,52 @@ class Comparison:
 
     Args:
         task: name.
-        policy: that is compared.
-        source: its file.
-        ship: as the task has it.
-        seas: held out.
-        kpis: by controller and sea, one row a seed, columns :data:`QUANTITIES`; equal rows met equal
-            seas, orders and resistances.
-        traces: the first seed's episode, alike.
-        seeds: episodes a sea.
+        policies: one a training.
+        sources: their files.
+        kpis: by controller, shape (r, e) a column of :data:`SHOWN`: r trainings of the policy, 1 of the
+            others; equal columns met equal seas, orders and resistances.
+        traces: of each controller its first episode; of the policy the first training's.
+        seeds: episodes.
         episode_s: their length [s].
-        exponent: of speed in the fuel per mile, by which it is carried to equal speed.
     """
 
     task: str
-    policy: Policy
-    source: Path
-    ship: Ship
-    seas: tuple[str, ...]
-    kpis: dict[tuple[str, str], pd.DataFrame]
-    traces: dict[tuple[str, str], pd.DataFrame]
+    policies: list[Policy]
+    sources: list[Path]
+    kpis: dict[str, dict[str, NDArray[np.float64]]]
+    traces: dict[str, pd.DataFrame]
     seeds: int
     episode_s: float
-    exponent: float
-
-    @property
-    def controllers(self) -> list[str]:
-        """The policy, then what it is held against."""
-        return list(dict.fromkeys(controller for controller, _ in self.kpis))
-
-    def of(self, controller: str, sea: str) -> pd.DataFrame:
-        """KPIs, one row a seed; of :data:`ALL` seas their mean."""
-        if sea != ALL:
-            return self.kpis[controller, sea]
-        tables = [self.kpis[controller, one].to_numpy(np.float64) for one in self.seas]
-        return pd.DataFrame(np.mean(tables, axis=0), columns=list(QUANTITIES))
 
 
 class Difference(NamedTuple):
-    """Policy minus baseline in one quantity: statistic of the differences over the seeds."""
+    """Policy minus baseline in one quantity, in percent of the baseline, with its 95 % interval."""
 
     task: str
     baseline: str
-    sea: str
     quantity: str
-    statistic: str
-    difference: float
-    low: float
-    high: float
-    percent: float  # of the baseline's own statistic; nan where that is zero
+    percent: float
     percent_low: float
     percent_high: float
-    excludes_zero: bool
-
-
-def with_even_fuel(kpis: pd.DataFrame, exponent: float) -> pd.DataFrame:
-    """The quantities compared, with the fuel per mile carried to the ordered speed by a power of it."""
-    ordered = kpis["speed_mean_m_s"] + kpis["speed_short_m_s"]
-    even = kpis[FUEL] * (ordered / kpis["speed_mean_m_s"].clip(lower=0.1)) ** exponent
-    return kpis.assign(**{EVEN_FUEL: even})[list(QUANTITIES)]
-
-
-def speed_exponent(ship: Ship, slow: float, fast: float) -> float:
-    """Exponent of speed in the fuel per mile between two speeds [m/s] on the combinator's curve."""
-    curve = combinator_curve(ship)
-    points = [
-        steady_point(ship, *(float(np.interp(v, curve.ship_speed, c))
-                             for c in (curve.shaft_speed, curve.pitch_ratio)))
-        for v in (slow, fast)
-    ]  # fmt: skip
-    per_mile = [point.fuel_flow / point.ship_speed for point in points]
-    ratio = points[1].ship_speed / points[0].ship_speed
-    return float(np.log(per_mile[1] / per_mile[0]) / np.log(ratio))
 
 
 def compare(
     task: str,
-    source: Path,
+    sources: Sequence[Path],
     folder: Path,
     *,
-    seeds: int = 100,
-    episode_s: float = 300.0,
+    seeds: int = 60,
+    episode_s: float = DEFAULTS.episode_s,
     jobs: int | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> Comparison:
-    """Sail a policy and its baselines through the held-out seas of a task.
+    """Sail policies of one task and their baselines through its held-out seas.
 
     Args:
         task: name.
-        source: policy file.
+        sources: policy files, one a training.
         folder: for the cells; those that stand there are not sailed again.
-        seeds: episodes a sea, the same for every controller.
+        seeds: episodes, the same for every controller.
         episode_s: length of an episode [s].
         jobs: see :func:`shaftline.core.sweep.sweep`.
         tick: called after each cell.
@@ -161,82 +103,52 @@ def compare(
         PolicyError: not a policy, or one of another ship.
         SweepError: cells whose controller raised.
     """
+    policies = [load_policy(source) for source in sources]
+    texts = {label(text): text for text in (*(f"policy:{s}" for s in sources), *BASELINES)}
     apart = f"{task}:{HELD_OUT}"
-    model = get_task(apart)
-    ship = model.sailed()
-    policy = load_policy(source, ship)
-    # the cells of one set of weights must not be taken for those of the next
-    own = f"{POLICY} {version_of(source)}"
-    names = {own: POLICY} | {name: name for name in BASELINES[task]}
     settings = [
-        Setting(name, apart, sea, OBSERVER, seeds, episode_s=episode_s, first_seed=FIRST_SEED)
-        for name in names
-        for sea in model.presets
+        Setting(name, apart, "task", OBSERVER, seeds, episode_s=episode_s, first_seed=FIRST_SEED)
+        for name in texts
     ]
-    make = functools.partial(_made, own, policy, ship)
-    found = episodes(settings, make, folder, jobs=jobs, tick=tick)
-    keys = [(names[setting.controller], setting.sea) for setting in settings]
-    exponent = speed_exponent(ship, *model.speed_order_m_s)
-    kpis = {key: with_even_fuel(one.kpis, exponent) for key, one in zip(keys, found, strict=True)}
-    traces = {key: one.trace for key, one in zip(keys, found, strict=True)}
-    return Comparison(
-        task, policy, source, ship, model.presets, kpis, traces, seeds, episode_s, exponent
+    interval = policies[0].interval_s
+    found = episodes(
+        settings, functools.partial(_made, texts, interval), folder, jobs=jobs, tick=tick
     )
+    runs, rest = found[: len(sources)], dict(zip(BASELINES, found[len(sources) :], strict=True))
+    kpis = {POLICY: _stacked(runs)} | {name: _stacked([one]) for name, one in rest.items()}
+    traces = {POLICY: runs[0].trace} | {name: one.trace for name, one in rest.items()}
+    return Comparison(task, policies, list(sources), kpis, traces, seeds, episode_s)
 
 
-def _made(own: str, policy: Policy, ship: Ship, setting: Setting) -> Controller:
-    if setting.controller == own:
-        return policy
-    return make_controller(setting.controller, ship, policy.adapter.interval_s)
+def _made(texts: dict[str, str], interval_s: float, setting: Setting) -> Controller:
+    return load_controller(texts[setting.controller], get_task(setting.task).sailed(), interval_s)
 
 
-def middle_of(quantity: str, values: Any) -> tuple[float, float, float]:
-    """Interquartile mean and 95 % interval; of ``failed`` the plain mean, being a share."""
-    return with_interval(values, statistic=np.mean if quantity == "failed" else interquartile_mean)
+def _stacked(found: Sequence[Episodes]) -> dict[str, NDArray[np.float64]]:
+    return {name: np.array([one.kpis[name] for one in found], dtype=np.float64) for name in SHOWN}
 
 
 def table_of(comparison: Comparison) -> pd.DataFrame:
-    """One row a controller and sea: every quantity with ``_low`` and ``_high``."""
+    """One row a controller: every quantity with ``_low`` and ``_high``."""
     rows = []
-    for controller in comparison.controllers:
-        for sea in dict.fromkeys((*comparison.seas, ALL)):
-            row: dict[str, Any] = {"task": comparison.task, "controller": controller, "sea": sea}
-            kpis = comparison.of(controller, sea)
-            for name in QUANTITIES:
-                middle, low, high = middle_of(name, kpis[name])
-                row |= {name: middle, f"{name}_low": low, f"{name}_high": high}
-            rows.append(row)
+    for controller, kpis in comparison.kpis.items():
+        row: dict[str, object] = {"task": comparison.task, "controller": controller}
+        for name in SHOWN:
+            row[name], row[f"{name}_low"], row[f"{name}_high"] = middle_of_runs(kpis[name])
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
-def difference(
-    task: str, baseline: str, sea: str, quantity: str, own: Any, other: Any
-) -> Difference:
-    """Paired difference of two samples whose equal entries are equal seeds, shape (n,) each."""
-    by_mean = quantity in RARE
-    statistic: Any = np.mean if by_mean else interquartile_mean
-    found = with_interval(np.asarray(own) - np.asarray(other), statistic=statistic)
-    middle, low, high = found
-    base = abs(float(statistic(np.asarray(other, dtype=np.float64))))
-    to_percent = 100.0 / base if base > 0.0 else float("nan")
-    return Difference(
-        task, baseline, sea, quantity, "mean" if by_mean else "IQM", middle, low, high,
-        to_percent * middle, to_percent * low, to_percent * high, low > 0.0 or high < 0.0,
-    )  # fmt: skip
-
-
 def differences(comparison: Comparison) -> list[Difference]:
-    """Policy minus each baseline, in each sea and over all of them."""
+    """Policy minus each baseline in every quantity."""
+    own = comparison.kpis[POLICY]
     return [
-        difference(comparison.task, baseline, sea, name,
-                   comparison.of(POLICY, sea)[name], comparison.of(baseline, sea)[name])
-        for baseline in comparison.controllers
-        if baseline != POLICY
-        for sea in (*comparison.seas, ALL)
-        for name in QUANTITIES
-    ]  # fmt: skip
+        Difference(comparison.task, name, quantity, *relative_to(own[quantity], kpis[quantity][0]))
+        for name, kpis in comparison.kpis.items()
+        if name != POLICY
+        for quantity in SHOWN
+    ]
 
 
-def frame(found: Iterable[Difference]) -> pd.DataFrame:
-    """As a table, one row a difference."""
-    return pd.DataFrame(list(found), columns=list(Difference._fields))
+MEANINGS = {name: KPIS[name] for name in SHOWN}
+"""What each quantity is, in words."""

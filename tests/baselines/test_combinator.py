@@ -170,16 +170,16 @@ def test_a_trimmed_lever_brings_the_log_to_the_order() -> None:
             action, state = lever.predict(seen, state)
             seen, *_ = env.step(action)
         errors[trim_s] = float(np.abs(7.5 - seen[:, 5]).max())
-    assert errors[0.0] > 0.4
-    assert errors[30.0] < 0.15
+    assert errors[0.0] > 0.25
+    assert errors[30.0] < 0.12
     assert (state[:, 1] > 0.2).all()  # type: ignore[index]
 
 
-def test_after_a_new_order_the_trim_waits() -> None:
+def test_a_large_error_as_after_a_new_order_trims_no_faster() -> None:
     lever = Combinator("frigate", trim_s=30.0)
-    for short, moves in ((0.9, 0.5 / 30.0 * 0.9), (-0.9, -0.5 / 30.0 * 0.9), (1.1, 0.0)):
+    for short, moves in ((0.4, 0.4), (-0.4, -0.4), (0.5, 0.5), (3.0, 0.5), (-3.0, -0.5)):
         row = np.array([8.0, 9.0, 1e5, 1.2, 15.0, 8.0 - short, 6.6, 1.0])
-        assert lever.predict(row)[1][0, 1] == pytest.approx(moves)
+        assert lever.predict(row)[1][0, 1] == pytest.approx(0.5 / 30.0 * moves)
     with pytest.raises(ValueError, match=r"trim_s = -1\.0 s"):
         Combinator("frigate", trim_s=-1.0)
 

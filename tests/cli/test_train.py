@@ -136,7 +136,7 @@ def test_bad_input(
         ("n_envs: 4", "n_envs: 9999", ("n_envs = 9999", "less than or equal to 4096")),
         ("n_steps: 16", "n_stepz: 16", ("unknown key 'n_stepz'", "n_steps")),
         ("{episode_s: 10.0}", "{episode: 1}", ("'episode'", "known")),
-        ("n_epochs: 1", "reach: {slow_s: 0}", ("slow_s", "must be from 0 to 100")),
+        ("n_epochs: 1", "form: {history: 0}", ("history", "must be from 1 to 64")),
         ("n_epochs: 1", "weights: {joy: 1}", ("joy",)),
         ("batch_size: 32", "batch_size: many", ("PPO refuses the recipe",)),
     ],

@@ -14,7 +14,7 @@ from shaftline.agents.policy.policy import Policy, trained
 from shaftline.baselines.registry import ControllerError
 from shaftline.plant import load_ship
 
-SHIP = load_ship("frigate")
+SHIP = load_ship("frigate-at-sea")
 
 
 @pytest.fixture
@@ -22,13 +22,13 @@ def file(tmp_path: Path) -> Path:
     """A copy of a packaged policy."""
     path = tmp_path / "runs" / "mine.npz"
     path.parent.mkdir()
-    path.write_bytes(trained()["transit"].read_bytes())
+    path.write_bytes(trained()["rough-sea"].read_bytes())
     return path
 
 
 def test_controllers_by_name(file: Path) -> None:
     assert isinstance(load_controller(f"policy:{file}", SHIP, 0.5), Policy)
-    assert isinstance(load_controller("policy:transit", SHIP, 0.5), Policy)
+    assert isinstance(load_controller("policy:rough-sea", SHIP, 0.5), Policy)
     assert not isinstance(load_controller("combinator", SHIP, 0.5), Policy)
     assert not isinstance(load_controller("combinator:response_s=3", SHIP, 0.5), Policy)
 
@@ -49,7 +49,9 @@ def test_a_policy_is_of_one_ship_and_one_interval(file: Path) -> None:
     with pytest.raises(PolicyError, match="control_interval_s"):
         load_controller(f"policy:{file}", SHIP, 0.5 + 1e-6)
     assert load_controller(f"policy:{file}", SHIP, 0.5 + 1e-12)
-    with pytest.raises(PolicyError, match="ship: the policy has 'frigate', here it is 'ferry'"):
+    with pytest.raises(
+        PolicyError, match="ship: the policy has 'frigate-at-sea', here it is 'ferry'"
+    ):
         load_controller(f"policy:{file}", load_ship("ferry"), 0.5)
 
 
@@ -58,7 +60,7 @@ def test_what_is_known_names_the_packaged_policies() -> None:
     assert known().endswith(
         "policy:FILE.npz" + "".join(f", policy:{name}" for name in sorted(trained()))
     )
-    assert {"transit", "storm", "speed-keeping"} <= set(trained())
+    assert {"rough-sea", "calm-machinery"} <= set(trained())
 
 
 def test_a_policys_label_changes_with_its_file_and_with_what_sails_it(
@@ -66,7 +68,7 @@ def test_a_policys_label_changes_with_its_file_and_with_what_sails_it(
 ) -> None:
     first = label(f"policy:{file}")
     assert first == f"policy:runs/mine.npz {version_of(file)}"
-    assert label("policy:transit") == f"policy:transit {version_of(file)}"  # the same content
+    assert label("policy:rough-sea") == f"policy:rough-sea {version_of(file)}"  # the same content
     assert label("combinator:response_s=3") == "combinator:response_s=3"
     policy = load_policy(file)
     policy.about = json.loads(json.dumps(policy.about)) | {"seed": 99}

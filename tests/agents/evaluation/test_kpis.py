@@ -90,6 +90,7 @@ def test_a_whole_episode(rows: list[dict[str, float]]) -> None:
             "attack_99_deg": 4.98,
             "outside_bucket_s": 1.0,
             "pitch_travel_min": 0.15 / 1.5 * 60.0,
+            "rise_s": 0.5,
             "failed": 0.0,
             "reward": -4.5,
         }
@@ -121,10 +122,24 @@ def test_an_episode_that_ended_early_counts_no_further(rows: list[dict[str, floa
             "attack_99_deg": 1.99,
             "outside_bucket_s": 0.0,
             "pitch_travel_min": 0.1 / 1.0 * 60.0,
+            "rise_s": 0.0,
             "failed": 1.0,
             "reward": -502.0,
         }
     )
+
+
+def test_a_rise_ends_at_nine_tenths_or_with_the_next_order() -> None:
+    """Two orders: 4 to 8 m/s, nine tenths done after 3 intervals; then back, never done."""
+    sums = EpisodeSums(1, interval_s=0.5, gear_ratio=2.0)
+    orders = [4.0, 8.0, 8.0, 8.0, 8.0, 8.2, 4.0, 4.0]
+    speeds = [4.0, 5.0, 7.0, 7.5, 7.7, 7.9, 7.9, 7.0]
+    for order, speed in zip(orders, speeds, strict=True):
+        info = {name: np.array([speed]) for name in made_up(0)}
+        terms = {name: np.zeros(1) for name in TERMS}
+        sums.add(np.array([True]), info | {"reward_terms": terms}, np.zeros(1), np.array([order]))
+    # the first step was 3 m/s when its first interval had ended: done at 7.7; 8.2 is no new step
+    assert sums.kpis()["rise_s"][0] == pytest.approx(0.5 * (4 + 2) / 2)
 
 
 def test_a_torque_that_never_moves_has_no_deviation() -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from shaftline.agents import RecipeError, load_policy, read_recipe
 from shaftline.agents.learning.recipe import Recipe
-from shaftline.agents.policy.residual import Form
 from shaftline.agents.policy.policy import trained
-from shaftline.envs import get_task
+from shaftline.agents.policy.residual import Form
+from shaftline.envs import get_task, tasks
 
 MINE = """
 transit:
@@ -114,19 +114,22 @@ def test_each_algorithm_has_keys_of_its_own(tmp_path: Path) -> None:
     assert read_recipe("sac", "transit", file).hyperparameters == {"buffer_size": 2}
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-@pytest.mark.parametrize("task", ["transit", "speed-keeping", "storm"])
-def test_every_task_has_a_recipe(algorithm: str, task: str) -> None:
+@pytest.mark.parametrize(
+    ("algorithm", "task"),
+    [*(("ppo", task) for task in tasks()),
+     *(("sac", task) for task in ("rough-sea", "calm-machinery", "storm"))],
+)  # fmt: skip
+def test_tasks_have_recipes(algorithm: str, task: str) -> None:
     plan = read_recipe(algorithm, task)
     assert (plan.algorithm, plan.task) == (algorithm, task)
 
 
 def test_the_packages_recipe_is_read_and_changed() -> None:
     changes: dict[str, Any] = {"n_envs": 8, "env_kwargs": {"observer": "oracle"}}
-    plan = read_recipe("ppo", "transit", **changes)
+    plan = read_recipe("ppo", "rough-sea", **changes)
     assert plan.n_envs == 8
     assert plan.env_kwargs["observer"] == "oracle"
-    assert "sea" in plan.env_kwargs
+    assert plan.form.washout_s == 10.0
     assert changes["env_kwargs"] == {"observer": "oracle"}
 
 

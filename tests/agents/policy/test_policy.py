@@ -14,8 +14,8 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
 from shaftline.agents import Policy, PolicyError, Setting, load_policy, run_episodes, train
-from shaftline.agents.policy.residual import ANSWERS, Form, Residual
 from shaftline.agents.policy.policy import Network, layout, trained, trained_on
+from shaftline.agents.policy.residual import ANSWERS, Form, Residual
 from shaftline.baselines.controller import OBSERVED
 from shaftline.plant import load_ship
 
@@ -262,5 +262,7 @@ def test_what_is_no_policy_is_refused(file: Path, tmp_path: Path) -> None:
     for path in (text, empty, array, cut, bare):
         with pytest.raises(PolicyError, match=f"{path.name}: not a policy file"):
             load_policy(path)
-    with pytest.raises(PolicyError, match=r"nowhere: no such policy file; with .* come .*transit"):
+    with pytest.raises(
+        PolicyError, match=r"nowhere: no such policy file; with .* come .*rough-sea"
+    ):
         load_policy("nowhere")

@@ -54,7 +54,7 @@ def test_features_and_commands_by_hand(observed: Any) -> None:
         expected = [order, own[:, 0], own[:, 3], *means.T, *wanted.T, *answered.T, valid,
                     *np.hstack(past).T]  # fmt: skip
         assert features.dtype == np.float32
-        assert features.T == pytest.approx(np.asarray(expected, np.float32), rel=1e-5, abs=1e-3)
+        assert pytest.approx(np.asarray(expected, np.float32), rel=1e-5, abs=1e-3) == features.T
         answer = rng.uniform(-1.4, 1.4, (3, 2))
         said = np.clip(answer, -1.0, 1.0)
         answered = slow * answered + (1.0 - slow) * said
@@ -91,7 +91,7 @@ def test_without_a_washout_an_answer_that_stands_is_felt_for_ever(observed: Any)
         _, memory = adapter.see(observed[0])
         still = np.zeros((3, 2))
         base = adapter.command(still, observed[0], memory.copy())[:, 0]
-        raised = still + [-0.5, 0.0]
+        raised = np.tile([-0.5, 0.0], (3, 1))
         for _ in range(20):
             pitch = adapter.command(raised, observed[0], memory)[:, 0]
         felt[washout_s] = float((pitch - base)[0])

@@ -1,0 +1,58 @@
+"""Plans of a known episode: their gradient is the environment's, and they gain what a law cannot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.agents.evaluation.clairvoyant import Clairvoyant
+from shaftline.baselines.registry import make_controller
+from shaftline.envs import FrigateVectorEnv, Settings, get_task
+
+TASK = get_task("rough-sea")
+SETTINGS: dict[str, Any] = {"task": TASK, "episode_s": 25.0}
+SEED = 7
+
+
+@pytest.fixture(scope="module")
+def episode() -> Clairvoyant:
+    return Clairvoyant(Settings.of(SETTINGS), SEED)
+
+
+@pytest.fixture(scope="module")
+def begun(episode: Clairvoyant) -> Any:
+    return episode.follow(make_controller("va-pitch", TASK.sailed(), 0.5))
+
+
+def test_the_episode_is_the_environment_s(episode: Clairvoyant, begun: Any) -> None:
+    """What a controller is followed to do gives its rewards, in the environment of the same seed."""
+    _, rewards, actions = episode.sail(begun)
+    env = FrigateVectorEnv(1, threads=1, sensor_noise=0.0, observer="none", **SETTINGS)
+    env.reset(seed=SEED)
+    for reward, action in zip(rewards, actions, strict=True):
+        _, found, *_ = env.step(action[None])
+        assert found[0] == pytest.approx(reward, abs=1e-9)
+
+
+def test_the_gradient_is_that_of_the_sum_of_rewards(episode: Clairvoyant, begun: Any) -> None:
+    """Within what the kinks of the absolute values allow; mostly far closer."""
+    before, _, _ = episode.sail(begun)
+    slope = episode.gradient(begun, before)
+    rng = np.random.default_rng(0)
+    for _ in range(3):  # along directions, in which single kinks weigh little
+        along = rng.standard_normal(begun.shape) * [1e-5, 1e-3]
+        ends = [episode.sail(begun + sign * along)[1].sum() for sign in (1.0, -1.0)]
+        assert float((slope * along).sum()) == pytest.approx(0.5 * (ends[0] - ends[1]), rel=0.1)
+
+
+def test_a_plan_gains_and_stays_within_bounds(episode: Clairvoyant, begun: Any) -> None:
+    plan = episode.plan(begun, rounds=25)
+    _, before, _ = episode.sail(begun)
+    assert plan.rewards.sum() > 0.9 * before.sum()  # rewards are negative
+    assert plan.rounds <= 30
+    assert np.abs(plan.actions).max() <= 1.0
+    assert plan.actions.shape == (episode.intervals, 2)
+    again = Clairvoyant(Settings.of(SETTINGS), SEED).plan(begun, rounds=25)
+    assert np.array_equal(again.actions, plan.actions)
