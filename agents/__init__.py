@@ -7,6 +7,7 @@ torch takes seconds.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .evaluation.clairvoyant import Clairvoyant
 from .evaluation.controllers import load_controller
 from .evaluation.episodes import Setting, run_episodes
 from .evaluation.kpis import KPIS
@@ -24,6 +25,7 @@ _WHEN_USED = {
 
 __all__ = [
     "KPIS",
+    "Clairvoyant",
     "Evaluation",
     "Policy",
     "PolicyError",

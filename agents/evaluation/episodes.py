@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -31,6 +32,8 @@ class Setting:
         sensor_noise: factor on the usual instruments', or rms by instrument [its unit].
         task_model: the task itself, where it is not the one that ``task`` names.
         first_seed: seeds run from here.
+        randomise: half width of a uniform factor by dotted key of the ship's file: the sailed ship
+            has it, observer and controller do not know.
     """
 
     controller: str
@@ -43,6 +46,7 @@ class Setting:
     sensor_noise: Any = DEFAULTS.sensor_noise
     task_model: Task | None = None
     first_seed: int = 0
+    randomise: Mapping[str, float] | None = None
 
     @property
     def vessel(self) -> str:
@@ -54,6 +58,8 @@ class Setting:
         """Its fields as a table has them: with the ship that sails, and no task of a single run."""
         fields = asdict(self) | {"ship": self.vessel}
         del fields["task_model"]
+        if self.randomise is None:
+            del fields["randomise"]
         return fields
 
     @property
@@ -90,6 +96,7 @@ def run_episodes(
         observer=setting.observer,
         sensor_noise=setting.sensor_noise,
         episode_s=setting.episode_s,
+        randomise=setting.randomise,
     )
     interval = env.batch.interval_s
     observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
