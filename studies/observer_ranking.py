@@ -66,8 +66,8 @@ Where KQ is wrong another draw of the episodes follows as well, so compare withi
 In the storm `oracle`, the true inflow, is not the best: where the propeller draws air its torque falls
 for another reason than inflow. Observers that read the torque take that fall for faster inflow, the law
 then raises the pitch, and the torque comes back, which is what is held. The true inflow does not tell of
-the air, so the law leaves that fall alone. `frigate-at-sea` draws air too, in the highest seas, which puts
-`oracle` behind most observers there."""
+the air, so the law leaves that fall alone. `frigate-at-sea` draws air too, in the highest seas, which
+puts `oracle` behind most observers there."""
 
 
 def _made(setting: Setting) -> Predictor:
