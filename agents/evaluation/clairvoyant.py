@@ -71,12 +71,14 @@ class Clairvoyant:
         seed: of the episode, as of the environment's ``reset``.
 
     Raises:
-        ValueError: as of the environment.
+        ValueError: as of the environment; or the ship's pitch is fixed.
     """
 
     def __init__(self, settings: Settings, seed: int) -> None:
         quiet = replace(settings, sensor_noise=0.0, observer="none", tuning=None)
         self._one = one = Batch(1, quiet)
+        if not one.ship.has_variable_pitch:
+            raise ValueError(f"{one.ship.name}: a plan needs a controllable pitch")
         one.reset(0, np_random(seed)[0], one.begin(None))
         one.observe(np.array([0]))
         self._first = one.environments.copy()
@@ -84,7 +86,6 @@ class Clairvoyant:
         self._plant, self._lag = plant, float(plant["pitch_time_constant"])
         scales = {("state", name): _STATES.get(name, _SHARE) for name in active_states(plant)}
         self._carried = list((scales | {("state", "position"): 1e-2} | _MEMORIES).items())
-        self._blades = [key for key, _ in self._carried].index(("state", "pitch_ratio"))
         span = float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"])
         fastest = _FAST * min(float(plant["pitch_rate_limit"]), span / self._lag)
         self.low = np.array([-fastest, float(plant["drive_min"])])

@@ -47,6 +47,14 @@ def test_the_gradient_is_that_of_the_sum_of_rewards(episode: Clairvoyant, begun:
         assert float((slope * along).sum()) == pytest.approx(0.5 * (ends[0] - ends[1]), rel=0.1)
 
 
+def test_a_fixed_pitch_is_refused() -> None:
+    fixed = TASK.sailed().with_values(
+        {"propeller.pitch_ratio_min": 1.2, "propeller.pitch_ratio_max": 1.2}
+    )
+    with pytest.raises(ValueError, match="frigate-at-sea: a plan needs a controllable pitch"):
+        Clairvoyant(Settings.of(SETTINGS | {"ship": fixed}), SEED)
+
+
 def test_a_plan_gains_and_stays_within_bounds(episode: Clairvoyant, begun: Any) -> None:
     plan = episode.plan(begun, rounds=25)
     _, before, _ = episode.sail(begun)

@@ -7,7 +7,12 @@ import pandas as pd
 import pytest
 
 from shaftline.agents import KPIS, summary
-from shaftline.agents.evaluation.statistics import interquartile_mean, with_interval
+from shaftline.agents.evaluation.statistics import (
+    interquartile_mean,
+    middle_of_runs,
+    relative_to,
+    with_interval,
+)
 
 
 def test_interquartile_mean_leaves_the_outer_quarters_out() -> None:
@@ -46,6 +51,34 @@ def test_intervals_cover_the_truth_as_often_as_they_say() -> None:
     intervals = [with_interval(rng.normal(5.0, 1.0, 30))[1:] for _ in range(200)]
     share = np.mean([low < 5.0 < high for low, high in intervals])
     assert 0.89 < share < 0.98
+
+
+def test_an_interval_over_runs_covers_what_runs_and_episodes_spread() -> None:
+    """Runs that differ widen it, be the episodes ever so many; so do episodes, be the runs alike."""
+    rng = np.random.default_rng(1)
+    runs, episodes = 3.0 * rng.standard_normal((10, 1)), rng.standard_normal((1, 400))
+    for values, error in (
+        (10.0 + runs + 0.0 * episodes, runs.std() / np.sqrt(10.0)),
+        (10.0 + 0.0 * runs + episodes, episodes.std() / np.sqrt(400.0)),
+    ):
+        middle, low, high = middle_of_runs(values)
+        assert middle == pytest.approx(values.mean())
+        assert high - low == pytest.approx(2.0 * 1.96 * error, rel=0.1)
+
+
+def test_a_change_is_against_the_same_episodes() -> None:
+    """What both share of the sea takes no part in the interval; what the runs differ by does."""
+    rng = np.random.default_rng(2)
+    sea = np.exp(rng.standard_normal(60))
+    alike = np.tile(0.7 * sea, (5, 1))
+    for change in relative_to(alike, sea):
+        assert change == pytest.approx(-30.0)
+    middle, low, high = relative_to(alike * np.linspace(0.9, 1.1, 5)[:, None], sea)
+    assert middle == pytest.approx(-30.0)
+    assert high - low == pytest.approx(
+        100.0 * 2.0 * 1.96 * 0.7 * np.linspace(-0.1, 0.1, 5).std() / 5**0.5, rel=0.15
+    )
+    assert np.isnan(relative_to(alike, 0.0 * sea)).all()
 
 
 def test_few_or_equal_values_have_no_interval() -> None:
