@@ -20,6 +20,7 @@ from ..observers.registry import update
 from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.stepping import Disturbance, observe, step
 from ..plant.term_kernel import NO_SIGNALS
+from ..plant.waves import inflow_ahead
 from .randomness import normal
 from .records import MAX_ORDERS
 from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of
@@ -55,6 +56,25 @@ def disturbance(episode: Record, time: float) -> Disturbance:
     angle = resistance_angle(episode, time)
     factor = episode.resistance_mean + episode.resistance_swing * math.sin(angle)
     return Disturbance(0.0, 0.0, factor, NO_SIGNALS)
+
+
+@compiled
+def waves_ahead(
+    environments: Any, time: NDArray[np.float64], every_s: float, found: NDArray[np.float64]
+) -> None:
+    """Waves' inflow at the propellers [m/s] where the ships will be if they keep their speed.
+
+    Args:
+        environments: ENVIRONMENT array of shape (n,).
+        time: since reset [s], shape (n,).
+        every_s: between two entries of what is found.
+        found: filled, shape (n, k), the first entry with the present inflow.
+    """
+    for i in range(len(environments)):
+        state = environments[i].state
+        inflow_ahead(
+            environments[i].sea, time[i], state.position, state.ship_speed, every_s, found[i]
+        )
 
 
 @compiled

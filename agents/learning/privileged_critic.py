@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import MlpExtractor
 
-from ...core.compiled import compiled
 from ...envs.batch import Batch
-from ...envs.kernel import resistance_angle
-from ...plant.waves import inflow_ahead
+from ...envs.kernel import resistance_angle, waves_ahead
 
 AHEAD_S, EVERY_S = 8.0, 1.0
 """How far ahead the critic is told the waves, about one of them, and how often [s]."""
@@ -47,20 +45,8 @@ def told(batch: Batch) -> NDArray[np.float32]:
         sea,
     )
     inflow = np.empty((batch.n, _COUNT))
-    _inflow(batch.environments, time.astype(np.float64), EVERY_S, inflow)
+    waves_ahead(batch.environments, time.astype(np.float64), EVERY_S, inflow)
     return np.column_stack([*columns, inflow]).astype(np.float32)
-
-
-@compiled
-def _inflow(
-    environments: Any, time: NDArray[np.float64], every_s: float, found: NDArray[np.float64]
-) -> None:
-    """Waves' inflow at the propellers [m/s], shape (n, k), if the ships keep their speed."""
-    for i in range(len(environments)):
-        state = environments[i].state
-        inflow_ahead(
-            environments[i].sea, time[i], state.position, state.ship_speed, every_s, found[i]
-        )
 
 
 class _Extractor(MlpExtractor):
