@@ -125,6 +125,7 @@ class Batch:
         if settings.action_mode == "shaft-speed":
             self.gains = _governor_gains(self.ship)
         self.table = _steady_table(self.ship)
+        self._loads, self._tables = _loaded(self.ship)
         self._plant = self.ship.record()
         self.n = n
         observer = get_observer(settings.observer, settings.tuning).discretise(self.ship, self.dt)
@@ -213,13 +214,12 @@ class Batch:
         episode, plant = arrays.episodes[i], arrays.plants[i]
         known = self.table["ship_speed"]
         factor = float(episode["resistance_mean"])
-        calm = resistance(plant, water_speed(plant, max(speed, known[0])), 1.0)
-        load = factor + wave_resistance(plant, arrays.seas[i]["head_sea"]) / calm
-        loads, tables = _loaded(self.ship)
+        plain = resistance(plant, water_speed(plant, max(speed, known[0])), 1.0)
+        load = factor + wave_resistance(plant, arrays.seas[i]["head_sea"]) / plain
 
         def at(name: str) -> float:
-            values = [float(np.interp(speed, t["ship_speed"], t[name])) for t in tables]
-            return float(np.interp(load, loads, values))
+            values = [float(np.interp(speed, t["ship_speed"], t[name])) for t in self._tables]
+            return float(np.interp(load, self._loads, values))
 
         rack = at("drive")
         episode["pitch_command"], episode["drive"] = at("pitch_command"), rack
@@ -228,7 +228,7 @@ class Batch:
             at("pitch_ratio"), at("shaft_speed"), float(np.clip(speed, known[0], known[-1]))
         )
         inputs = Inputs(rack, float(episode["pitch_command"]), resistance_factor=load)
-        arrays.states[i] = tuple(settled(arrays.plants[i], bare, inputs))
+        arrays.states[i] = tuple(settled(plant, bare, inputs))
         arrays.estimates[i] = np.zeros(1, ESTIMATE)[0]
         prepare(
             arrays.plants[i], arrays.states[i], arrays.memories[i], arrays.seas[i], rack,

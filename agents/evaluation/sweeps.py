@@ -122,7 +122,7 @@ def episodes(
     """
     alone = backend == "processes" and (jobs == 1 or len(settings) == 1)
     work = functools.partial(_sail, make, None if alone else 1)
-    cells = {f"{setting.name}_{_version(setting.vessel)}": setting for setting in settings}
+    cells = {f"{setting.name}_{version_of_cells(setting.vessel)}": setting for setting in settings}
     found = sweep(
         work, cells, folder / "cells", jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
     )
@@ -146,7 +146,7 @@ def _sail(
     }
 
 
-def _version(ship: str) -> str:
+def version_of_cells(ship: str) -> str:
     """Eight letters that change with the ship and with the source that cells are made by."""
     source = source_digest("core", "plant", "observers", "baselines", "envs", "agents/evaluation")
     return hashlib.sha256(f"{source} {load_ship(ship)!r}".encode()).hexdigest()[:8]

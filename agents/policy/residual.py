@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ...baselines.actions import actions
 from ...baselines.controller import Readings, readings, resumed
 from ...baselines.registry import ControllerError, make_controller
-from ...baselines.speed_pilot import SpeedPilot
+from ...baselines.speed_pilot import Slowed, SpeedPilot
 from ...plant import Ship
 
 MEAN_S = 20.0
@@ -156,10 +156,10 @@ class Residual:
         last = memory[:, _FIRST : self._own.start]
         last[:, len(RECENT) :] = last[:, : -len(RECENT)].copy()
         last[:, : len(RECENT)] = now - means
-        error, integral = own[:, 0], own[:, 3]
+        pilot = Slowed(*own[:, : len(Slowed._fields)].T)
         return np.column_stack(
-            [seen.speed_order, error, integral, means, memory[:, _BASE], memory[:, _ANSWERED],
-             seen.estimate_valid > 0.5, last]
+            [seen.speed_order, pilot.error, pilot.integral, means, memory[:, _BASE],
+             memory[:, _ANSWERED], seen.estimate_valid > 0.5, last]
         ).astype(np.float32)  # fmt: skip
 
     def command(self, answer: Any, seen: Any, memory: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from ...agents.evaluation.clairvoyant import Clairvoyant
 from ...agents.evaluation.controllers import load_controller
 from ...agents.evaluation.episodes import Setting, run_episodes
+from ...agents.evaluation.sweeps import version_of_cells
 from ...core.sweep import sweep
-from ...envs.settings import Settings
+from ...envs.settings import DEFAULTS, Settings
 from ...envs.tasks import HELD_OUT, get_task
 from .comparison import BASELINES, FIRST_SEED, HELD, OBSERVER, POLICY, SHOWN, VA_PITCH
 
@@ -77,7 +78,10 @@ def bound(
     Returns:
         A row a controller: means of the KPIs, ``share`` of the gap in the reward [%].
     """
-    cells = {f"{task}-{seed}": (task, seed) for seed in range(FIRST_SEED, FIRST_SEED + seeds)}
+    version = version_of_cells(get_task(task).vessel)
+    cells = {
+        f"{task}-{seed}_{version}": (task, seed) for seed in range(FIRST_SEED, FIRST_SEED + seeds)
+    }
     plans = sweep(planned, cells, folder, jobs=jobs, tick=tick)
     actions = np.array([plans[name]["actions"] for name in cells], np.float32).swapaxes(0, 1)
     apart = f"{task}:{HELD_OUT}"
@@ -85,7 +89,11 @@ def bound(
     texts: Sequence[str] = (*BASELINES, *([f"policy:{policy}"] if policy else []))
     rows = {}
     for text in (BOUND, *texts):
-        sailing: Any = _Recorded(actions) if text == BOUND else load_controller(text, ship, 0.5)
+        sailing: Any = (
+            _Recorded(actions)
+            if text == BOUND
+            else load_controller(text, ship, DEFAULTS.control_interval_s)
+        )
         name = POLICY if text.startswith("policy:") else text
         setting = Setting(name, apart, "task", OBSERVER, seeds, episode_s=EPISODE_S)
         kpis, _ = run_episodes(setting, sailing, first_seed=FIRST_SEED)

@@ -15,7 +15,7 @@ from shaftline.agents import KPIS, Evaluation, Setting, evaluate, run_episodes, 
 from shaftline.agents.evaluation import sweeps
 from shaftline.agents.evaluation.episodes import TRACE
 from shaftline.agents.evaluation.page import page
-from shaftline.agents.evaluation.sweeps import _version, episodes
+from shaftline.agents.evaluation.sweeps import episodes, version_of_cells
 from shaftline.baselines.combinator import Combinator
 
 CELL = Setting("combinator", "transit", "state-5", "random-walk-kalman", seeds=3, episode_s=10.0)
@@ -87,12 +87,12 @@ def test_a_cells_name_changes_with_ship_and_source(
 ) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text(FRIGATE.read_text(encoding="utf-8"), encoding="utf-8")
-    first = _version(str(mine))
-    assert first == _version("frigate") == _version(str(mine))
+    first = version_of_cells(str(mine))
+    assert first == version_of_cells("frigate") == version_of_cells(str(mine))
     assert len(first) == 8
     text = mine.read_text(encoding="utf-8")
     mine.write_text(text.replace("diameter_m = 4.2", "diameter_m = 4.1"), encoding="utf-8")
-    assert _version(str(mine)) != first
+    assert version_of_cells(str(mine)) != first
     asked: list[str] = []
 
     def digest(*places: str) -> str:
@@ -100,7 +100,7 @@ def test_a_cells_name_changes_with_ship_and_source(
         return "another"
 
     monkeypatch.setattr(sweeps, "source_digest", digest)
-    assert _version("frigate") != first
+    assert version_of_cells("frigate") != first
     assert set(asked) == {
         "core", "plant", "observers", "baselines", "envs", "agents/evaluation",
     }  # fmt: skip
