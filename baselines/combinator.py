@@ -152,6 +152,9 @@ class Combinator(Controller):
     name = "combinator"
     source = "common practice"
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"combinator-trimmed": {"trim_s": 30.0}}
+    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "response_s": (1.0, 20.0), "trim_s": (5.0, 100.0),
+    }  # fmt: skip
 
     def __init__(
         self,

@@ -99,6 +99,8 @@ class Controller(ABC):
     """Where it is published; controllers are listed by source, then by name."""
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     """The same with other options, by names of their own."""
+    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Options that a search may set (:mod:`shaftline.agents.learning.tuning`), with their ranges."""
 
     def __init__(self, ship: str | Ship = "frigate", interval_s: float = 0.5) -> None:
         self.ship = load_ship(ship)

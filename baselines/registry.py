@@ -30,6 +30,15 @@ def controller_names() -> list[str]:
     return list(_KNOWN)
 
 
+def tunable(name: str) -> Mapping[str, tuple[float, float]]:
+    """Options of a controller that a search may set, with their ranges.
+
+    Raises:
+        ControllerError: unknown name.
+    """
+    return _known(name)[0].tunable
+
+
 def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     """A controller from ``NAME`` or ``NAME:option=number,option=number``.
 
@@ -41,20 +50,32 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     Raises:
         ControllerError: unknown name, or an option that the controller does not take.
     """
-    name, _, rest = text.partition(":")
-    if name not in _KNOWN:
-        raise ControllerError(f"unknown controller {name!r}; known: {', '.join(_KNOWN)}")
-    options: dict[str, float] = {}
-    for item in filter(None, rest.split(",")):
-        key, equals, value = item.partition("=")
-        try:
-            options[key] = float(value)
-        except ValueError:
-            raise ControllerError(f"{text!r}: option {item!r} must be name=number") from None
-        if not equals:
-            raise ControllerError(f"{text!r}: option {item!r} must be name=number")
-    kind, fixed = _KNOWN[name]
+    name, options = read_options(text)
+    kind, fixed = _known(name)
     try:
         return kind(ship, interval_s, **fixed, **options)
     except TypeError as error:
         raise ControllerError(f"{text!r}: {error}") from None
+
+
+def read_options(text: str) -> tuple[str, dict[str, float]]:
+    """Name and options of ``NAME:option=number,option=number``.
+
+    Raises:
+        ControllerError: an option that is no number.
+    """
+    name, _, rest = text.partition(":")
+    options: dict[str, float] = {}
+    for item in filter(None, rest.split(",")):
+        key, _, value = item.partition("=")
+        try:
+            options[key] = float(value)
+        except ValueError:
+            raise ControllerError(f"{text!r}: option {item!r} must be name=number") from None
+    return name, options
+
+
+def _known(name: str) -> tuple[type[Controller], Mapping[str, Any]]:
+    if name not in _KNOWN:
+        raise ControllerError(f"unknown controller {name!r}; known: {', '.join(_KNOWN)}")
+    return _KNOWN[name]

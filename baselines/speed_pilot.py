@@ -17,7 +17,8 @@ which the error pushes it.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,11 @@ class SpeedPilot(Controller):
 
     name = "speed-pilot"
     source = "shaftline's own"
+    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "speed_gain": (0.25, 16.0), "integral_gain": (0.25, 4.0), "speed_offset": (-0.3, 0.3),
+        "pitch_offset": (-0.3, 0.15), "torque_gain": (0.0, 1.2), "shaft_gain": (0.0, 0.6),
+        "pitch_gain": (0.0, 1.4),
+    }  # fmt: skip
 
     def __init__(
         self,

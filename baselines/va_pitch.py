@@ -136,6 +136,9 @@ class VaPitch(SpeedPilot):
     name = "va-pitch"
     source = "shaftline's own"
     variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"va-pitch-silent": {"cavitation": True}}
+    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
+        **SpeedPilot.tunable, "share": (0.0, 1.0), "ahead_s": (0.0, 1.5),
+    }  # fmt: skip
 
     def __init__(
         self,

@@ -85,7 +85,7 @@ def evaluate(
     Examples:
         shaftline evaluate --controller combinator --controller cpp-optimiser --task transit
 
-        shaftline evaluate --controller policy:out/train/transit-ppo-0/policy.npz --controller combinator
+        shaftline evaluate --task rough-sea --controller combinator-trimmed --controller policy:rough-sea
     """
     with clear_errors():
         check_backend(jobs, backend, scheduler)

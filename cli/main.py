@@ -17,6 +17,7 @@ from . import (
     simulate_command,
     tour_command,
     train_command,
+    tune_command,
 )
 
 app = typer.Typer(
@@ -33,6 +34,7 @@ app.command("new-ship")(new_ship_command.new_ship)
 app.command("simulate")(simulate_command.simulate)
 app.command("reproduce")(reproduce_command.reproduce)
 app.command("train")(train_command.train)
+app.command("tune")(tune_command.tune)
 app.command("evaluate")(evaluate_command.evaluate)
 app.command("identify")(identify_command.identify)
 app.command("diagnose")(diagnose_command.diagnose)

@@ -31,7 +31,7 @@ class Device(StrEnum):
 
 
 def train(
-    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "transit",
+    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "rough-sea",
     algorithm: Annotated[str, typer.Option(help="`ppo` or `sac`.")] = "ppo",
     recipe: Annotated[
         Path | None,
@@ -82,8 +82,8 @@ def train(
     """Train a policy for pitch and fuel rack.
 
     The training is cut into legs. After each, the policy is judged on seas that it has not been trained
-    on, and a row is added to the curve; the best leg's policy becomes `policy.npz` in the output folder:
-    one file with weights, normalisation and the whole recipe, which sails without torch.
+    on, and a row is added to the curve; the last leg's policy is `policy.npz` in the output folder: one
+    file with weights, normalisation and the whole recipe, which sails without torch.
 
     Stop with Ctrl-C and give the same command again: it goes on behind the last whole leg and ends in
     the same policy as if it had never been stopped. Another recipe, seed or ship needs another folder.
@@ -95,13 +95,13 @@ def train(
     `tensorboard --logdir OUT/log`.
 
     Examples:
-        shaftline train --task transit --algorithm ppo
+        shaftline train --task rough-sea --algorithm ppo
 
         shaftline train --seed 1 --observer luenberger --out out/train/luenberger
 
         shaftline train --recipe mine.yml --timesteps 200000 --envs 32 --out out/train/mine
 
-        shaftline evaluate --controller policy:out/train/transit-ppo-0/policy.npz --controller combinator
+        shaftline evaluate --task rough-sea --controller combinator-trimmed --controller policy:rough-sea
     """
     with clear_errors():
         get_task(task).sailed(ship)
@@ -176,6 +176,6 @@ def _print(path: Path, folder: Path, task: str, observer: str) -> None:
     say("compare it with a classic controller:")
     other = "" if observer == DEFAULTS.observer else f" --observer {observer}"
     say(
-        f"  shaftline evaluate --controller policy:{path} --controller combinator "
+        f"  shaftline evaluate --controller policy:{path} --controller combinator-trimmed "
         f"--task {task}{other}"
     )

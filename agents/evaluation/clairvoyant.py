@@ -1,9 +1,10 @@
 """What could be had at best: commands for an episode of which everything is known beforehand.
 
-Waves, resistance and orders of the episode are given, and the commands of all its control intervals are
-chosen together, so that the sum of the task's rewards is highest. No controller at sea can know as much,
-so what it reaches is a bound to hold controllers against; it is a local optimum that was begun from a
-classic controller's commands, so the true best may lie above it.
+Waves and resistance of the episode are given, and the commands of its control intervals are chosen
+together, so that the sum of the task's rewards is highest. An order is known from when it is given:
+until then the plan is made as if the present one stood, or it would set out before it is told to. No
+controller at sea can know as much, so what it reaches is a bound to hold controllers against; it is a
+local optimum that was begun from a classic controller's commands, so the true best may lie above it.
 
 The environment's own kernel is the model. How an interval's reward and the state at its end follow the
 state at its beginning and the commands is found by central differences of that kernel, and the gradient
@@ -18,6 +19,7 @@ a pitch command far away moves the blades no faster and would have no gradient.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +31,7 @@ from ...baselines.actions import actions, decode
 from ...baselines.controller import Predictor
 from ...envs.batch import Batch
 from ...envs.kernel import RUNNING, control_interval
-from ...envs.records import EPISODE
+from ...envs.records import EPISODE, MAX_ORDERS
 from ...envs.settings import Settings
 from ...plant.memory import MEMORY
 from ...plant.state import STATE, active_states
@@ -48,6 +50,7 @@ _SHARE = 1e-3  # of states that are shares
 _MOVED = (1e-4, 1e-2)  # commands: rate of the pitch [1/s] and rack [mm]
 _AT_ONCE = 16  # intervals whose slopes are found in one call
 _GAIN = 1e-3  # of the cost, below which a search is not begun anew
+_BEYOND_S = 30.0  # sailed on behind an order's end in its plan, or the end would be used up
 _ENDED = 1e3  # for each interval that an episode lacks which ended
 _CARRIED = np.dtype([("state", STATE), ("memory", MEMORY), ("sea", SEA), ("episode", EPISODE)])
 
@@ -105,14 +108,17 @@ class Clairvoyant:
         """Control intervals of the episode."""
         return self._one.settings.intervals
 
-    def sail(self, commands: NDArray[np.float64]) -> tuple[NDArray[Any], NDArray[np.float64], Any]:
+    def sail(
+        self, commands: NDArray[np.float64], begin: Any = None
+    ) -> tuple[NDArray[Any], NDArray[np.float64], Any]:
         """The environment at the beginning of each interval, its rewards and its actions.
 
         Args:
             commands: rate of the blades [1/s] and rack [mm], shape (k, 2).
+            begin: the environment where they begin; that of the episode's beginning by default.
         """
         one = self._one
-        one.environments[:] = self._first
+        one.environments[:] = self._first if begin is None else begin
         before = np.zeros(len(commands), _CARRIED)
         rewards = np.zeros(len(commands))
         acted = np.zeros((len(commands), 2), np.float32)
@@ -184,13 +190,21 @@ class Clairvoyant:
         ends = np.stack([slope(rows[r][f]) for (r, f), _ in self._carried], axis=1)
         return ends, slope(rows["reward"])
 
-    def follow(self, controller: Predictor) -> NDArray[np.float64]:
-        """What a controller commands in the episode, shape (k, 2): where a plan begins."""
+    def follow(
+        self, controller: Predictor, begin: Any = None, intervals: int | None = None
+    ) -> NDArray[np.float64]:
+        """What a controller commands, shape (k, 2): where a plan begins.
+
+        Args:
+            controller: of this ship.
+            begin: as of :meth:`sail`.
+            intervals: k; all of the episode by default.
+        """
         one = self._one
-        one.environments[:] = self._first
-        commands = np.zeros((self.intervals, 2))
+        one.environments[:] = self._first if begin is None else begin
+        commands = np.zeros((intervals or self.intervals, 2))
         state: Any = None
-        for k in range(self.intervals):
+        for k in range(len(commands)):
             action, state = controller.predict(one.observation.copy(), state, np.array([k == 0]))
             now = one.environments[0]
             pitch = decode(
@@ -204,13 +218,36 @@ class Clairvoyant:
             one.step(action)
         return np.clip(commands, self.low, self.high)
 
-    def plan(self, begin: NDArray[np.float64], rounds: int = 300) -> Plan:
-        """The best commands that L-BFGS-B finds from some.
+    def plan(self, controller: Predictor, rounds: int = 300) -> Plan:
+        """The best commands that are found from what a controller commands, order by order.
 
         Args:
-            begin: rate of the blades [1/s] and rack [mm], shape (k, 2); see :meth:`follow`.
-            rounds: most gradients.
+            controller: of this ship.
+            rounds: most gradients for each order.
         """
+        interval = float(self._first["episode"]["order_interval"][0]) / self.interval_s
+        given = np.ceil(np.arange(MAX_ORDERS) * interval)
+        edges = [int(k) for k in given[given < self.intervals]] + [self.intervals]
+        here, count = self._first.copy(), 0
+        rewards, acted = [], []
+        for which, (first, last) in enumerate(pairwise(edges)):
+            known = here.copy()
+            orders = known["episode"]["orders"][0]
+            orders[which:] = orders[which]
+            beyond = min(last + round(_BEYOND_S / self.interval_s), self.intervals)
+            begin = self.follow(controller, known, beyond - first)
+            best, taken = self._best(begin, known, rounds)
+            _, gained, actions_there = self.sail(best[: last - first], here)
+            here = self._one.environments.copy()
+            count += taken
+            rewards.append(gained)
+            acted.append(actions_there)
+        return Plan(np.concatenate(rewards), np.concatenate(acted), count)
+
+    def _best(
+        self, begin: NDArray[np.float64], known: Any, rounds: int
+    ) -> tuple[NDArray[np.float64], int]:
+        """The best commands that L-BFGS-B finds from some, and how many gradients it took."""
         span = self.high - self.low
         count = 0
 
@@ -218,7 +255,7 @@ class Clairvoyant:
             nonlocal count
             count += 1
             commands = self.low + span * x.reshape(-1, 2)
-            before, rewards, _ = self.sail(commands)
+            before, rewards, _ = self.sail(commands, known)
             return -float(rewards.sum()), -(self.gradient(commands, before) * span).ravel()
 
         best, least = ((begin - self.low) / span).ravel(), np.inf
@@ -231,5 +268,4 @@ class Clairvoyant:
             best, least = found.x, float(found.fun)
             if gained < _GAIN * abs(least):
                 break
-        _, rewards, acted = self.sail(self.low + span * best.reshape(-1, 2))
-        return Plan(rewards, acted, count)
+        return self.low + span * best.reshape(-1, 2), count

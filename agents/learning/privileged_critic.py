@@ -1,8 +1,10 @@
 """A critic that is told more than the policy (Pinto et al. 2017), in training only.
 
-A policy does not see the resistance of its episode nor the waves that are about to come, nor does a
-critic with the same eyes: what a wave costs then looks like chance, and a low torque like the sign of a
-light ship. Told the disturbance, the critic takes both out of what the policy learns from.
+A policy does not see the resistance of its episode nor the waves and the order that are about to come,
+nor does a critic with the same eyes: what a wave or a new order costs then looks like chance, and a low
+torque like the sign of a light ship. Told them, the critic takes all that out of what the policy learns
+from. A new order costs more than any answer before it gains: with a critic that did not know it, no policy
+of `acceleration` came to be better than its base.
 """
 
 from __future__ import annotations
@@ -17,31 +19,38 @@ from stable_baselines3.common.torch_layers import MlpExtractor
 
 from ...envs.batch import Batch
 from ...envs.kernel import resistance_angle, waves_ahead
+from ...envs.records import MAX_ORDERS
 
 AHEAD_S, EVERY_S = 8.0, 1.0
 """How far ahead the critic is told the waves, about one of them, and how often [s]."""
 
 _COUNT = round(AHEAD_S / EVERY_S) + 1
 TOLD = (
-    "mean resistance", "swing", "rate of swing", "share of the order's time", "rms of the sea",
+    "mean resistance", "swing", "rate of swing", "share of the order's time", "next order",
+    "rms of the sea",
     *(f"inflow in {k * EVERY_S:g} s" for k in range(_COUNT)),
 )  # fmt: skip
 """What the critic is told beside what the policy sees."""
 
 
 def told(batch: Batch) -> NDArray[np.float32]:
-    """Columns of :data:`TOLD`, shape (n, 14)."""
+    """Columns of :data:`TOLD`, shape (n, 15)."""
     episodes = batch.arrays.episodes
     time = batch.elapsed * batch.steps * batch.dt
     angle = resistance_angle(episodes, time)
     swing = episodes["resistance_swing"]
-    spent = np.mod(time / episodes["order_interval"], 1.0)
+    interval = episodes["order_interval"]
+    now = np.floor(time / interval)
+    follows = (now + 1.0) * interval < batch.settings.episode_s  # else this order is the last
+    coming = np.minimum(now + follows, MAX_ORDERS - 1).astype(np.int64)
+    following = episodes["orders"][np.arange(batch.n), coming]
     sea = np.sqrt(0.5 * np.sum(batch.arrays.seas["amplitude"] ** 2, axis=1))
     columns = (
         episodes["resistance_mean"],
         swing * np.sin(angle),
         swing * np.cos(angle),
-        spent,
+        time / interval - now,
+        following,
         sea,
     )
     inflow = np.empty((batch.n, _COUNT))
@@ -55,6 +64,9 @@ class _Extractor(MlpExtractor):
     def __init__(self, features_dim: int, seen: int, *arguments: Any, **options: Any) -> None:
         super().__init__(features_dim, *arguments, **options)
         self._seen = seen
+        if not len(self.policy_net):  # a policy that is linear in what it sees
+            self.latent_dim_pi = seen
+            return
         first: Any = self.policy_net[0]
         self.policy_net[0] = torch.nn.Linear(seen, first.out_features, device=first.weight.device)
 

@@ -8,7 +8,9 @@ classic controller, the base, holds the ship's speed slowly, and the policy adds
 
 at every control interval, so that single waves can be met. A policy that says nothing sails as its
 base does. With a washout, a_1 and a_2 are the answers less their means over that time: the policy then
-answers to waves alone, and speed and fuel stay the base's. It has no memory of its own, so it is shown
+answers to waves alone, and speed and fuel stay the base's. With a lag they are those means: what is felt
+over tens of seconds, such as a new order, is then tried out over seconds at a time, which the ship
+answers to, and not interval by interval, which she does not. It has no memory of its own, so it is shown
 the last few readings, as they depart from their means over 20 s: from those a wave can be foreseen for a
 part of its period.
 """
@@ -62,6 +64,7 @@ class Form:
         rack_reach: likewise to the rack command [-].
         history: how many readings are shown, the present one among them.
         washout_s: time over which the mean of the answers is taken out [s]; 0 leaves it in.
+        lag_s: time constant of a lag that the answers go through instead [s]; 0 for none.
 
     Raises:
         ValueError: a number out of its range.
@@ -72,13 +75,19 @@ class Form:
     rack_reach: float = 0.3
     history: int = 8
     washout_s: float = 0.0
+    lag_s: float = 0.0
 
     def __post_init__(self) -> None:  # noqa: D105 (pydantic's and dataclasses' hook)
         for name in ("pitch_reach", "rack_reach"):
             if not 0.0 <= getattr(self, name) <= 2.0:
                 raise ValueError(f"form.{name} = {getattr(self, name)!r}: must be from 0 to 2")
-        if not 0.0 <= self.washout_s <= 1e4:
-            raise ValueError(f"form.washout_s = {self.washout_s!r} s: must be from 0 to 10 000")
+        for name in ("washout_s", "lag_s"):
+            if not 0.0 <= getattr(self, name) <= 1e4:
+                raise ValueError(
+                    f"form.{name} = {getattr(self, name)!r} s: must be from 0 to 10 000"
+                )
+        if self.washout_s and self.lag_s:
+            raise ValueError("form: washout_s and lag_s: one of them must be 0")
         if not 1 <= self.history <= 64:
             raise ValueError(f"form.history = {self.history!r}: must be from 1 to 64 readings")
 
@@ -114,8 +123,8 @@ class Residual:
         self.base = base
         self._own = slice(_FIRST + len(RECENT) * self.form.history, None)
         self._keep = float(np.exp(-interval_s / MEAN_S))
-        washout_s = self.form.washout_s
-        self._taken = 1.0 - float(np.exp(-interval_s / washout_s)) if washout_s > 0.0 else 0.0
+        mean_s = self.form.washout_s or self.form.lag_s
+        self._taken = 1.0 - float(np.exp(-interval_s / mean_s)) if mean_s > 0.0 else 0.0
         plant = base.plant
         self._spans = (
             self.form.pitch_reach * float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
@@ -180,7 +189,8 @@ class Residual:
         said = np.clip(np.asarray(answer, dtype=np.float64), -1.0, 1.0)
         mean = memory[:, _ANSWERED]
         mean += self._taken * (said - mean)
-        pitch, rack = (memory[:, _BASE] + self._spans * (said - mean)).T
+        added = mean if self.form.lag_s else said - mean
+        pitch, rack = (memory[:, _BASE] + self._spans * added).T
         return pitch, np.clip(rack, *self.base.limits(seen.shaft_speed))
 
 

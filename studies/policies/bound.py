@@ -45,10 +45,7 @@ def planned(cell: tuple[str, int]) -> dict[str, Any]:
     apart = f"{task}:{HELD_OUT}"
     ship = get_task(task).sailed()
     episode = Clairvoyant(Settings.of({"task": apart, "episode_s": EPISODE_S}), seed)
-    plans = []
-    for name in _BEGINS:
-        begin = episode.follow(load_controller(name, ship, episode.interval_s))
-        plans.append(episode.plan(begin))
+    plans = [episode.plan(load_controller(name, ship, episode.interval_s)) for name in _BEGINS]
     best = max(plans, key=lambda plan: float(plan.rewards.sum()))
     return {
         "actions": best.actions.tolist(), "reward": float(best.rewards.sum()),

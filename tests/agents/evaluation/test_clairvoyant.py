@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.agents.evaluation.clairvoyant import Clairvoyant
+from shaftline.agents.evaluation.clairvoyant import Clairvoyant, Plan
 from shaftline.baselines.registry import make_controller
 from shaftline.envs import FrigateVectorEnv, Settings, get_task
 
 TASK = get_task("rough-sea")
 SETTINGS: dict[str, Any] = {"task": TASK, "episode_s": 25.0}
 SEED = 7
+LAW = make_controller("va-pitch", TASK.sailed(), 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,7 @@ def episode() -> Clairvoyant:
 
 @pytest.fixture(scope="module")
 def begun(episode: Clairvoyant) -> Any:
-    return episode.follow(make_controller("va-pitch", TASK.sailed(), 0.5))
+    return episode.follow(LAW)
 
 
 def test_the_episode_is_the_environment_s(episode: Clairvoyant, begun: Any) -> None:
@@ -56,11 +57,26 @@ def test_a_fixed_pitch_is_refused() -> None:
 
 
 def test_a_plan_gains_and_stays_within_bounds(episode: Clairvoyant, begun: Any) -> None:
-    plan = episode.plan(begun, rounds=25)
+    plan = episode.plan(LAW, rounds=25)
     _, before, _ = episode.sail(begun)
     assert plan.rewards.sum() > 0.9 * before.sum()  # rewards are negative
     assert plan.rounds <= 30
     assert np.abs(plan.actions).max() <= 1.0
     assert plan.actions.shape == (episode.intervals, 2)
-    again = Clairvoyant(Settings.of(SETTINGS), SEED).plan(begun, rounds=25)
+    again = Clairvoyant(Settings.of(SETTINGS), SEED).plan(LAW, rounds=25)
     assert np.array_equal(again.actions, plan.actions)
+
+
+def test_an_order_is_not_known_before_it_is_given() -> None:
+    """Until then two episodes that differ in it alone are sailed alike; after it, each by its own."""
+
+    def planned(second: float) -> Plan:
+        task = TASK.model_copy(update={"order_interval_s": 12.0})
+        episode = Clairvoyant(Settings.of(SETTINGS | {"task": task}), SEED)
+        episode._first["episode"]["orders"][0, 1] = second
+        return episode.plan(LAW, rounds=12)
+
+    slow, fast = planned(4.5), planned(7.5)
+    first = round(12.0 / 0.5)
+    assert np.array_equal(slow.actions[:first], fast.actions[:first])
+    assert np.all(slow.actions[first : first + 5, 1] < fast.actions[first : first + 5, 1])

@@ -25,6 +25,17 @@ from shaftline.plant.waves import field
 SEEN = 9
 
 
+def test_no_order_comes_after_the_last() -> None:
+    env = FrigateVectorEnv(3, task="transit", episode_s=30.0)
+    env.reset(seed=2, options={"order_interval_s": 20.0})
+    column = TOLD.index("next order")
+    orders = env.batch.arrays.episodes["orders"].copy()
+    assert told(env.batch)[:, column] == pytest.approx(orders[:, 1])
+    for _ in range(45):
+        env.step(np.tile([0.5, 0.1], (3, 1)))
+    assert told(env.batch)[:, column] == pytest.approx(orders[:, 1])  # the second is the last
+
+
 def test_the_critic_is_told_the_disturbance() -> None:
     env = FrigateVectorEnv(5, task="transit", sea={"hs_m": (1.0, 5.0), "tp_s": 9.0})
     env.reset(seed=2, options={"order_interval_s": 20.0})
@@ -39,12 +50,14 @@ def test_the_critic_is_told_the_disturbance() -> None:
                 factor = disturbance(rows[i], time).resistance_factor
                 later = disturbance(rows[i], time + 1e-4).resistance_factor
                 rate = (later - factor) / 1e-4 / rows[i]["resistance_frequency"]
-                mean, swing, swing_rate, spent, sea, *inflow = row.tolist()
+                mean, swing, swing_rate, spent, order, sea, *inflow = row.tolist()
                 assert mean == pytest.approx(rows[i]["resistance_mean"])
                 assert mean + swing == pytest.approx(factor, rel=1e-6)
                 assert swing_rate == pytest.approx(rate, abs=1e-4)
                 assert math.hypot(swing, swing_rate) == pytest.approx(0.1, rel=1e-5)
                 assert spent == pytest.approx({0: 0.0, 10: 0.25, 59: 0.475}[step])
+                coming = {0: 1, 10: 1, 59: 2}[step]
+                assert order == pytest.approx(rows[i]["orders"][coming], rel=1e-6)
                 height = 4.0 * math.sqrt(0.5 * np.sum(env.batch.arrays.seas["amplitude"][i] ** 2))
                 assert sea == pytest.approx(height / 4.0, rel=1e-6)
                 assert 1.0 <= height <= 5.0
@@ -56,7 +69,7 @@ def test_the_critic_is_told_the_disturbance() -> None:
                     assert told_inflow == pytest.approx(
                         field(waves, time + ahead, where)[0], abs=1e-5
                     )
-            assert len({*table[:, 4].tolist()}) == 5
+            assert len({*table[:, 5].tolist()}) == 5
         env.step(np.tile([0.5, 0.1], (5, 1)))
 
 
@@ -94,3 +107,10 @@ def test_the_networks_are_as_the_recipe_has_them(policy: Any) -> None:
         activation_fn=torch.nn.ReLU,
     )  # fmt: skip
     assert isinstance(relu.mlp_extractor.policy_net[1], torch.nn.ReLU)
+    spaces_of = (policy.observation_space, policy.action_space, lambda _: 1e-3)
+    linear = PrivilegedCriticPolicy(*spaces_of, seen=SEEN, net_arch={"pi": [], "vf": [4]})
+    assert linear.action_net.in_features == SEEN
+    assert widths(linear.mlp_extractor.value_net) == [(SEEN + len(TOLD), 4)]
+    rows = torch.randn(3, SEEN + len(TOLD))
+    answers = linear(rows, deterministic=True)[0]
+    assert torch.equal(answers, linear.action_net(rows[:, :SEEN]))

@@ -65,6 +65,24 @@ def test_features_and_commands_by_hand(observed: Any) -> None:
         assert action == pytest.approx(actions(plant, *asked.T), abs=1e-6)
 
 
+def test_with_a_lag_the_answers_arrive_slowly(observed: Any) -> None:
+    """A step of the answer of 1 is 1 - exp(-t / lag) of its reach after t, on top of the base."""
+    form = Form(base=FORM.base, pitch_reach=0.05, rack_reach=0.0, lag_s=4.0)
+    adapter, base = Residual(SHIP, INTERVAL_S, form), make_controller(form.base, SHIP, INTERVAL_S)
+    plant = SHIP.record()
+    span = 0.05 * (plant["pitch_ratio_max"] - plant["pitch_ratio_min"])
+    memory, own = None, base.fresh(readings(observed[0]))
+    for k, rows in enumerate(observed, start=1):
+        _, memory = adapter.see(rows, memory)
+        wanted, _ = base.act(readings(rows), own)
+        pitch, _ = adapter.set_points(np.tile([-1.0, 0.0], (3, 1)), readings(rows), memory)
+        assert pitch == pytest.approx(wanted - span * (1.0 - np.exp(-k * INTERVAL_S / 4.0)))
+    with pytest.raises(ValueError, match=r"form: washout_s and lag_s: one of them must be 0"):
+        Form(washout_s=5.0, lag_s=4.0)
+    with pytest.raises(ValueError, match=r"form.lag_s = -1.0 s: must be from 0"):
+        Form(lag_s=-1.0)
+
+
 def test_features_are_named_in_their_order() -> None:
     names = FORM.features
     assert names[: len(SLOWLY)] == SLOWLY

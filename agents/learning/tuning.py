@@ -1,0 +1,126 @@
+"""Constants of a classic controller, searched for on a task: what learning has to beat.
+
+CMA-ES (Hansen 2016, arXiv:1604.00772) draws candidates, all sail the same episodes of the task's own
+seas, and the mean reward decides. Held-out seas are never drawn. The search is over the ranges that the
+controller declares (:attr:`shaftline.baselines.Controller.tunable`), each scaled to 0 to 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import cma
+import numpy as np
+from numpy.typing import NDArray
+
+from ...baselines.registry import ControllerError, make_controller, read_options, tunable
+from ...envs.settings import DEFAULTS
+from ...envs.tasks import get_task
+from ..evaluation.episodes import Setting, run_episodes
+
+FIRST_SEED = 700_000
+"""Of the episodes on which candidates are compared; apart from those of training and judging."""
+
+_SPREAD = 0.3  # of the first candidates, over the ranges
+_DIGITS = 3  # constants are given with so many, and judged as they are given
+
+
+class Tuned(NamedTuple):
+    """What a search found."""
+
+    controller: str
+    """As ``NAME:option=number,...``."""
+    reward: float
+    """Mean over the episodes of the search, which flatters it."""
+    fresh: float
+    """The same over as many episodes that it has not seen, of the same seas."""
+    untuned: float
+    """What the controller gets there with the constants that it was given."""
+    sailed: int
+    """Candidates."""
+
+
+def tune(
+    controller: str,
+    task: str,
+    *,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    rounds: int = 40,
+    episodes: int = 24,
+    episode_s: float = DEFAULTS.episode_s,
+    seed: int = 0,
+    observer: str = DEFAULTS.observer,
+    threads: int | None = None,
+    tick: Callable[[int, int, str], None] = lambda done, total, said: None,
+) -> Tuned:
+    """Search a controller's constants.
+
+    Args:
+        controller: ``NAME`` or ``NAME:option=number,...``; what is given here stays.
+        task: name, on whose training's seas candidates sail.
+        ranges: lowest and highest of each constant; those that the controller declares by default.
+        rounds: generations.
+        episodes: that each candidate sails.
+        episode_s: their length [s].
+        seed: of the search, and of its episodes.
+        observer: name.
+        threads: that step the episodes; the machine's cores by default.
+        tick: called after each round with its number, their sum, and the best reward so far in words.
+
+    Raises:
+        ControllerError: unknown name or option, or nothing that may be searched for.
+        ValueError: a range that is none, or numbers below one.
+    """
+    name, given = read_options(controller)
+    free = {key: ends for key, ends in (ranges or tunable(name)).items() if key not in given}
+    if not free:
+        raise ControllerError(f"{controller!r}: it has no constant that may be searched for")
+    for key, (low, high) in free.items():
+        if not (np.isfinite(low) and np.isfinite(high) and low < high):
+            raise ValueError(f"range of {key}: {low!r} to {high!r} is none")
+    if min(rounds, episodes) < 1:
+        raise ValueError("rounds and episodes must be 1 or more")
+    ship = get_task(task).sailed()
+    first = FIRST_SEED + 2 * seed * episodes
+
+    def sail(text: str, seeds_from: int) -> float:
+        setting = Setting(
+            text, task, "task", observer, episodes, episode_s=episode_s, first_seed=seeds_from
+        )
+        made = make_controller(text, ship, DEFAULTS.control_interval_s)
+        kpis, _ = run_episodes(setting, made, threads=threads)
+        return float(kpis["reward"].mean())
+
+    def text_of(point: NDArray[np.float64]) -> str:
+        found = {
+            key: low + (high - low) * float(share)
+            for (key, (low, high)), share in zip(free.items(), point, strict=True)
+        }
+        listed = (f"{key}={value:.{_DIGITS}g}" for key, value in (given | found).items())
+        return f"{name}:{','.join(listed)}"
+
+    untuned = sail(controller, first + episodes)  # which refuses what the controller does not take
+    rng = np.random.default_rng(seed)
+    search = cma.CMAEvolutionStrategy(
+        np.full(len(free), 0.5),
+        _SPREAD,
+        {
+            "bounds": [0.0, 1.0], "maxiter": rounds, "verbose": -9, "seed": np.nan,
+            "randn": lambda *shape: rng.standard_normal(shape), "verb_log": 0,
+        },
+    )  # fmt: skip
+    best, most, sailed = "", -np.inf, 0
+    for k in range(rounds):
+        points = search.ask()
+        texts = [text_of(np.asarray(point)) for point in points]
+        rewards = [sail(text, first) for text in texts]
+        sailed += len(texts)
+        search.tell(points, [-reward for reward in rewards])
+        leader = int(np.argmax(rewards))
+        if rewards[leader] > most:
+            best, most = texts[leader], rewards[leader]
+        tick(k + 1, rounds, f"reward {most:.5g}")
+        if search.stop():
+            break
+    return Tuned(best, most, sail(best, first + episodes), untuned, sailed)

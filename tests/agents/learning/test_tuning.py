@@ -1,0 +1,38 @@
+"""Constants searched for: they gain on episodes of their own, what is given stays, equal seeds find equal ones."""
+
+from __future__ import annotations
+
+import pytest
+
+from shaftline.agents.learning.tuning import tune
+from shaftline.baselines import ControllerError
+from shaftline.baselines.registry import read_options
+
+pytest.importorskip("cma")
+QUICK = {"rounds": 3, "episodes": 3, "episode_s": 60.0, "threads": 1}
+
+
+def test_a_search_gains_and_repeats() -> None:
+    """The untuned pilot answers a new speed order slowly: any search of its gains finds faster ones."""
+    text = "speed-pilot:torque_gain=0,pitch_gain=0"
+    found = tune(text, "acceleration", ranges={"speed_gain": (0.5, 16.0)}, **QUICK)
+    assert found.fresh > found.untuned
+    name, options = read_options(found.controller)
+    assert name == "speed-pilot"
+    assert options["torque_gain"] == options["pitch_gain"] == 0.0  # given, so they stay
+    assert options["speed_gain"] > 2.0
+    assert set(options) == {"torque_gain", "pitch_gain", "speed_gain"}
+    assert tune(text, "acceleration", ranges={"speed_gain": (0.5, 16.0)}, **QUICK) == found
+
+
+def test_what_a_search_cannot_do_is_refused() -> None:
+    with pytest.raises(ControllerError, match="unknown controller 'helm'"):
+        tune("helm", "acceleration", **QUICK)
+    with pytest.raises(ControllerError, match="cpp-optimiser.*no constant"):
+        tune("cpp-optimiser", "acceleration", **QUICK)
+    with pytest.raises(ValueError, match="range of speed_gain: 3.0 to 3.0"):
+        tune("speed-pilot", "acceleration", ranges={"speed_gain": (3.0, 3.0)}, **QUICK)
+    with pytest.raises(ControllerError, match="unexpected keyword argument 'weight'"):
+        tune("speed-pilot:weight=1", "acceleration", ranges={"speed_gain": (1.0, 3.0)}, **QUICK)
+    with pytest.raises(ControllerError, match="unexpected keyword argument 'weight'"):
+        tune("speed-pilot", "acceleration", ranges={"weight": (1.0, 3.0)}, **QUICK)
