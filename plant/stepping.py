@@ -10,7 +10,7 @@ from .hull import episode_factor
 from .memory import begin_step, end_step, read_instruments, settle
 from .state import Inputs, Outputs, State, get_state, moved, set_state
 from .term_kernel import NO_SIGNALS
-from .waves import SYNC_STEPS, WaveMotion, motion, synchronise, turn
+from .waves import SYNC_STEPS, WaveMotion, motion, pass_half_step, synchronise
 
 
 class Disturbance(NamedTuple):
@@ -90,7 +90,7 @@ def step(
         plant: PLANT record.
         state: STATE record.
         memory: MEMORY record.
-        sea: SEA record; its phasors are set anew every ``SYNC_STEPS`` steps.
+        sea: SEA record; its field is worked out anew every ``SYNC_STEPS`` steps.
         drive: demand on the prime mover [mm | V | N m], held over the step; a speed [rad/s] that is held
             is led to in a straight line, to be reached at the step's end.
         pitch_command: commanded P/D [-], held over the step.
@@ -118,11 +118,11 @@ def step(
         speed_rate = (delivered - begins) / dt
     first = _inputs(begins, pitch_command, start, wave, episode, time, speed_rate)
     if sea.present != 0:
-        turn(sea, 0.5 * dt)
+        pass_half_step(sea)
         wave = motion(sea, now.position)
     second = _inputs(middles, pitch_command, middle, wave, episode, time + 0.5 * dt, speed_rate)
     if sea.present != 0:
-        turn(sea, 0.5 * dt)
+        pass_half_step(sea)
         wave = motion(sea, now.position)
     third = _inputs(delivered, pitch_command, end, wave, episode, time + dt, speed_rate)
     blade = memory.blade_pitch

@@ -15,9 +15,9 @@ from shaftline.plant.waves import (
     field,
     jonswap,
     motion,
+    pass_half_step,
     presets,
     synchronise,
-    turn,
     unit_phasors,
 )
 
@@ -235,11 +235,11 @@ def test_synchronised_sea_is_the_field_and_its_slope(thesis_sea: Any) -> None:
         assert found.inflow_slope == pytest.approx((ahead - astern) / 2e-4, abs=1e-8)
 
 
-def test_turning_sea_is_the_field_at_the_speed_of_the_ship(thesis_sea: Any) -> None:
+def test_passing_sea_is_the_field_at_the_speed_of_the_ship(thesis_sea: Any) -> None:
     sea = thesis_sea.copy()
     synchronise(sea, 50.0, 300.0, 8.0, 0.025)
     for k in range(1, 2 * SYNC_STEPS + 1):
-        turn(sea, 0.025)
+        pass_half_step(sea)
         found = motion(sea, 0.0)
         place = 300.0 + 8.0 * 0.025 * k
         assert found.position == pytest.approx(place, rel=1e-14)
