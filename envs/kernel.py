@@ -51,11 +51,22 @@ def resistance_angle(episode: Any, time: Any) -> Any:
 
 
 @compiled
+def _unit_phasor(angle: float) -> complex:
+    """Unit phasor exp(i angle) [-] of an angle [rad]."""
+    return complex(math.cos(angle), math.sin(angle))
+
+
+@compiled
+def _swung(episode: Record, swing: complex) -> Disturbance:
+    """Disturbance where the slow swing of the resistance has a unit phasor [-]."""
+    factor = episode.resistance_mean + episode.resistance_swing * swing.imag
+    return Disturbance(0.0, 0.0, factor, NO_SIGNALS)
+
+
+@compiled
 def disturbance(episode: Record, time: float) -> Disturbance:
     """Disturbance at a time since reset [s]: resistance with the episode's mean and a slow swing."""
-    angle = resistance_angle(episode, time)
-    factor = episode.resistance_mean + episode.resistance_swing * math.sin(angle)
-    return Disturbance(0.0, 0.0, factor, NO_SIGNALS)
+    return _swung(episode, _unit_phasor(resistance_angle(episode, time)))
 
 
 @compiled
@@ -184,6 +195,10 @@ def control_interval(
         )
         clear_terms(terms)
         episode.pitch_command = pitch
+        # the swing turns on by half steps: n of them leave its phasor wrong by less than n times 1e-15
+        swing = _unit_phasor(resistance_angle(episode, episode.elapsed * steps * dt))
+        half_step = _unit_phasor(0.5 * dt * episode.resistance_frequency)
+        end = _swung(episode, swing)
         for k in range(steps):
             time = (episode.elapsed * steps + k) * dt
             order = speed_order(episode, time)
@@ -194,9 +209,11 @@ def control_interval(
                     integral_gain,
                 )  # fmt: skip
             shaft_speed, ship_speed, log = state.shaft_speed, state.ship_speed, memory.speed_log
+            start, middle = end, _swung(episode, swing * half_step)
+            swing = swing * half_step * half_step
+            end = _swung(episode, swing)
             outputs = step(
-                plant, state, memory, env.sea, drive, pitch, disturbance(episode, time),
-                disturbance(episode, time + 0.5 * dt), disturbance(episode, time + dt), dt,
+                plant, state, memory, env.sea, drive, pitch, start, middle, end, dt,
             )  # fmt: skip
             torque_before = episode.gauge_torque
             episode.gauge_torque = outputs.shaft_torque
