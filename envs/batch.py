@@ -216,10 +216,13 @@ class Batch:
         factor = float(episode["resistance_mean"])
         plain = resistance(plant, water_speed(plant, max(speed, known[0])), 1.0)
         load = factor + wave_resistance(plant, arrays.seas[i]["head_sea"]) / plain
+        lower = int(np.searchsorted(self._loads[1:-1], load))
+        pair = slice(lower, lower + 2)  # the loads to either side
 
         def at(name: str) -> float:
-            values = [float(np.interp(speed, t["ship_speed"], t[name])) for t in self._tables]
-            return float(np.interp(load, self._loads, values))
+            tables = self._tables[pair]
+            values = [float(np.interp(speed, t["ship_speed"], t[name])) for t in tables]
+            return float(np.interp(load, self._loads[pair], values))
 
         rack = at("drive")
         episode["pitch_command"], episode["drive"] = at("pitch_command"), rack
