@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -15,6 +16,8 @@ from ...envs import DEFAULTS, FrigateVectorEnv
 from ...envs.records import TRUTHS
 from ...envs.tasks import Task, get_task
 from .kpis import EpisodeSums
+
+_LONGEST = 160
 
 
 @dataclass(frozen=True)
@@ -64,8 +67,13 @@ class Setting:
 
     @property
     def name(self) -> str:
-        """File name of the cell; differs where any field differs."""
+        """File name of the cell; differs where any field differs.
+
+        A long one is cut, with a digest of all behind it: file systems take 255 letters.
+        """
         text = "_".join(map(str, self.columns.values()))
+        if len(text) > _LONGEST:
+            text = f"{text[:_LONGEST]}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
         return "".join(c if c.isalnum() or c in "-._" else "-" for c in text)
 
 

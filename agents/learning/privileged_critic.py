@@ -3,8 +3,7 @@
 A policy does not see the resistance of its episode nor the waves and the order that are about to come,
 nor does a critic with the same eyes: what a wave or a new order costs then looks like chance, and a low
 torque like the sign of a light ship. Told them, the critic takes all that out of what the policy learns
-from. A new order costs more than any answer before it gains: with a critic that did not know it, no policy
-of `acceleration` came to be better than its base.
+from.
 """
 
 from __future__ import annotations

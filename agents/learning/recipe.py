@@ -2,12 +2,14 @@
 
 A file holds a section a task; its keys are those of the algorithm of stable-baselines3, with ``n_envs``,
 ``n_timesteps``, ``normalize`` and ``env_kwargs`` beside them, and ``lin_3e-4`` for a value that falls to
-zero along the training.
+zero along the training. How a policy is tied to the ship, ``form``, does not depend on the algorithm:
+the tasks' own forms stand in ``recipes/forms.yml``, and what a recipe says of it goes before.
 """
 
 from __future__ import annotations
 
 import inspect
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -60,10 +62,16 @@ class Recipe(BaseModel):
 
 
 def recipe_path(algorithm: str) -> Path:
-    """The file of recipes for an algorithm that comes with the package."""
+    """The file of recipes for an algorithm, or of forms, that comes with the package."""
     return Path(
         str(resources.files("shaftline.agents.learning").joinpath("recipes", f"{algorithm}.yml"))
     )
+
+
+def form_of(task: str) -> Form:
+    """The package's own form of a task's policies; the plain one where it has none."""
+    forms = yaml.safe_load(recipe_path("forms").read_text(encoding="utf-8"))
+    return Form(**forms.get(task, {}))
 
 
 def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: Any) -> Recipe:
@@ -73,8 +81,8 @@ def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: 
         algorithm: ``ppo`` or ``sac``.
         task: section.
         path: file; the package's own by default.
-        changes: values that replace the file's: fields of :class:`Recipe`; those of ``env_kwargs`` are
-            merged.
+        changes: values that replace the file's: fields of :class:`Recipe`; those of ``env_kwargs`` and
+            ``form`` are merged.
 
     Raises:
         RecipeError: no such algorithm, file or section; an unknown key or a value out of range.
@@ -93,14 +101,18 @@ def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: 
         raise RecipeError(f"{file}: no section {task!r}; it has {known}")
     values = dict(sections[task])
     own = {key: values.pop(key) for key in list(values) if key in Recipe.model_fields}
-    env = dict(own.get("env_kwargs") or {}) | changes.pop("env_kwargs", {})
+    for key in ("env_kwargs", "form"):
+        if not isinstance(own.get(key) or {}, dict):
+            raise RecipeError(f"{file}: [{task}] {key} = {own[key]!r}: must be a mapping")
+    env = (own.get("env_kwargs") or {}) | changes.pop("env_kwargs", {})
+    form = asdict(form_of(task)) | (own.get("form") or {}) | changes.pop("form", {})
     if taken := _TAKEN & set(env):
         raise RecipeError(f"{file}: [{task}] env_kwargs.{min(taken)}: cannot be set by a recipe")
     _check_keys(file, task, algorithm, values)
     try:
         recipe = Recipe.model_validate(
             {"task": task, **own, "algorithm": algorithm, "hyperparameters": values, **changes,
-             "env_kwargs": env}
+             "env_kwargs": env, "form": form}
         )  # fmt: skip
         recipe.rewarded()
     except ValidationError as error:

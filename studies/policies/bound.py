@@ -5,7 +5,8 @@ The gap is from the combinator with a trimmed lever to the clairvoyant plan, in 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import hashlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +18,22 @@ from ...agents.evaluation.clairvoyant import Clairvoyant
 from ...agents.evaluation.controllers import load_controller
 from ...agents.evaluation.episodes import Setting, run_episodes
 from ...agents.evaluation.sweeps import version_of_cells
+from ...agents.policy.policy import load_policy
 from ...core.sweep import sweep
 from ...envs.settings import DEFAULTS, Settings
 from ...envs.tasks import HELD_OUT, get_task
-from .comparison import BASELINES, FIRST_SEED, HELD, OBSERVER, POLICY, SHOWN, VA_PITCH
+from .comparison import BASELINES, FIRST_SEED, HELD, OBSERVER, POLICY, SHOWN, TUNED
 
-EPISODE_S = 150.0
 BOUND = "clairvoyant"
-_BEGINS = (VA_PITCH, "speed-pilot")
-"""Where plans begin; the better one is the bound."""
+_LENGTH_S = 150.0
+_SECOND = "speed-pilot"
+"""Plans begin from the tuned law and from this; the better one is the bound."""
+
+
+def length_of(task: str) -> float:
+    """Length of a task's planned episodes [s]: 150, or two orders where a new one comes sooner."""
+    interval = get_task(task).order_interval_s
+    return 2.0 * interval if interval < _LENGTH_S else _LENGTH_S
 
 
 class _Recorded:
@@ -39,13 +47,15 @@ class _Recorded:
         return self._actions[self._next - 1], None
 
 
-def planned(cell: tuple[str, int]) -> dict[str, Any]:
-    """The plan of a task's episode, as JSON allows."""
-    task, seed = cell
+def planned(cell: tuple[str, str, int]) -> dict[str, Any]:
+    """The plan of a task's episode, from a law, as JSON allows."""
+    task, law, seed = cell
     apart = f"{task}:{HELD_OUT}"
     ship = get_task(task).sailed()
-    episode = Clairvoyant(Settings.of({"task": apart, "episode_s": EPISODE_S}), seed)
-    plans = [episode.plan(load_controller(name, ship, episode.interval_s)) for name in _BEGINS]
+    episode = Clairvoyant(Settings.of({"task": apart, "episode_s": length_of(task)}), seed)
+    plans = [
+        episode.plan(load_controller(name, ship, episode.interval_s)) for name in (law, _SECOND)
+    ]
     best = max(plans, key=lambda plan: float(plan.rewards.sum()))
     return {
         "actions": best.actions.tolist(), "reward": float(best.rewards.sum()),
@@ -55,7 +65,7 @@ def planned(cell: tuple[str, int]) -> dict[str, Any]:
 
 def bound(
     task: str,
-    policy: Path | None,
+    policy: Path,
     folder: Path,
     *,
     seeds: int = 6,
@@ -66,7 +76,7 @@ def bound(
 
     Args:
         task: name.
-        policy: file; None where there is none.
+        policy: file; plans begin from the law that it is added to.
         folder: for the plans; those that stand there are not made again.
         seeds: episodes.
         jobs: see :func:`shaftline.core.sweep.sweep`.
@@ -75,25 +85,26 @@ def bound(
     Returns:
         A row a controller: means of the KPIs, ``share`` of the gap in the reward [%].
     """
+    law = load_policy(policy).adapter.form.base
     version = version_of_cells(get_task(task).vessel)
     cells = {
-        f"{task}-{seed}_{version}": (task, seed) for seed in range(FIRST_SEED, FIRST_SEED + seeds)
+        f"{task}-{seed}_{hashlib.sha256(law.encode()).hexdigest()[:8]}_{version}": (task, law, seed)
+        for seed in range(FIRST_SEED, FIRST_SEED + seeds)
     }
     plans = sweep(planned, cells, folder, jobs=jobs, tick=tick)
     actions = np.array([plans[name]["actions"] for name in cells], np.float32).swapaxes(0, 1)
-    apart = f"{task}:{HELD_OUT}"
     ship = get_task(task).sailed()
-    texts: Sequence[str] = (*BASELINES, *([f"policy:{policy}"] if policy else []))
+    texts = dict.fromkeys(BASELINES) | {TUNED: law, POLICY: f"policy:{policy}"}
+    sailing: dict[str, Any] = {
+        name: load_controller(text or name, ship, DEFAULTS.control_interval_s)
+        for name, text in texts.items()
+    }
     rows = {}
-    for text in (BOUND, *texts):
-        sailing: Any = (
-            _Recorded(actions)
-            if text == BOUND
-            else load_controller(text, ship, DEFAULTS.control_interval_s)
+    for name, controller in ({BOUND: _Recorded(actions)} | sailing).items():
+        setting = Setting(
+            name, f"{task}:{HELD_OUT}", "task", OBSERVER, seeds, episode_s=length_of(task)
         )
-        name = POLICY if text.startswith("policy:") else text
-        setting = Setting(name, apart, "task", OBSERVER, seeds, episode_s=EPISODE_S)
-        kpis, _ = run_episodes(setting, sailing, first_seed=FIRST_SEED)
+        kpis, _ = run_episodes(setting, controller, first_seed=FIRST_SEED)
         rows[name] = kpis[list(SHOWN)].mean()
     table = pd.DataFrame(rows).T
     worst, best = table["reward"][HELD], table["reward"][BOUND]

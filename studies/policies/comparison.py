@@ -21,17 +21,18 @@ from ...agents.evaluation.episodes import Setting
 from ...agents.evaluation.kpis import KPIS
 from ...agents.evaluation.statistics import middle_of_runs, relative_to
 from ...agents.evaluation.sweeps import Episodes, episodes
-from ...agents.policy.policy import Policy, load_policy
+from ...agents.policy.policy import Policy, PolicyError, load_policy
 from ...baselines.controller import Controller
 from ...envs import DEFAULTS
 from ...envs.tasks import HELD_OUT, get_task
 
-HELD, VA_PITCH = "combinator-trimmed", "va-pitch:speed_gain=1"
+HELD, VA_PITCH = "combinator-trimmed", "va-pitch"
 BASELINES = ("combinator", HELD, "cpp-optimiser", "anti-spin", "speed-pilot", VA_PITCH)
-"""What a policy is held against. The plain combinator and the optimiser sail slower in waves than is
-ordered, which alone calms the shaft; the trimmed one holds the speed as the policies do."""
+"""What a policy is held against, beside the law that it is added to (:data:`TUNED`). The plain
+combinator and the optimiser sail slower in waves than is ordered, which alone calms the shaft; the
+trimmed one holds the speed as the policies do."""
 
-POLICY = "policy"
+POLICY, TUNED = "policy", "tuned law"
 FIRST_SEED = 900_000
 OBSERVER = DEFAULTS.observer
 SHOWN = (
@@ -100,21 +101,25 @@ def compare(
         tick: called after each cell.
 
     Raises:
-        PolicyError: not a policy, or one of another ship.
+        PolicyError: not a policy, one of another ship, or policies on different bases.
         SweepError: cells whose controller raised.
     """
     policies = [load_policy(source) for source in sources]
-    texts = {label(text): text for text in (*(f"policy:{s}" for s in sources), *BASELINES)}
+    laws = sorted({policy.adapter.form.base for policy in policies})
+    if len(laws) > 1:
+        raise PolicyError(f"{task}: trainings of different bases: {' and '.join(laws)}")
+    classic = dict(zip((*BASELINES, TUNED), (*BASELINES, laws[0]), strict=True))
+    texts = {label(text): text for text in (*(f"policy:{s}" for s in sources), *classic.values())}
     apart = f"{task}:{HELD_OUT}"
     settings = [
         Setting(name, apart, "task", OBSERVER, seeds, episode_s=episode_s, first_seed=FIRST_SEED)
         for name in texts
     ]
-    interval = policies[0].interval_s
-    found = episodes(
-        settings, functools.partial(_made, texts, interval), folder, jobs=jobs, tick=tick
-    )
-    runs, rest = found[: len(sources)], dict(zip(BASELINES, found[len(sources) :], strict=True))
+    made = functools.partial(_made, texts, policies[0].interval_s)
+    cells = episodes(settings, made, folder, jobs=jobs, tick=tick)
+    found = dict(zip(texts, cells, strict=True))
+    runs = cells[: len(sources)]
+    rest = {name: found[text] for name, text in classic.items()}
     kpis = {POLICY: _stacked(runs)} | {name: _stacked([one]) for name, one in rest.items()}
     traces = {POLICY: runs[0].trace} | {name: one.trace for name, one in rest.items()}
     return Comparison(task, policies, list(sources), kpis, traces, seeds, episode_s)

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from ...agents.evaluation.statistics import relative_to
 from ...display.figures import PALETTE, new_figure
-from .comparison import HELD, POLICY, VA_PITCH, Comparison
+from .comparison import HELD, POLICY, TUNED, Comparison
 
-COLOURS = {POLICY: PALETTE[0], HELD: PALETTE[1], VA_PITCH: PALETTE[2]}
+COLOURS = {POLICY: PALETTE[0], HELD: PALETTE[1], TUNED: PALETTE[2]}
 _BARS = ("wave_torque_kN_m", "wave_engine_torque_kN_m", "power_peak_kW", "wave_attack_deg",
          "fuel_kg_nmi")  # fmt: skip
 _FROM_S, _TO_S = 100.0, 160.0
@@ -29,7 +29,7 @@ def changes(comparisons: Sequence[Comparison]) -> Figure:
     drawn, axes = new_figure(1, len(comparisons), (4.0 * len(comparisons) + 1.0, 3.6))
     for axis, one in zip(axes[0], comparisons, strict=True):
         base = one.kpis[HELD]
-        for offset, name in ((-0.18, POLICY), (0.18, VA_PITCH)):
+        for offset, name in ((-0.18, POLICY), (0.18, TUNED)):
             found = [relative_to(one.kpis[name][kpi], base[kpi][0]) for kpi in _BARS]
             middles = np.array([f[0] for f in found])
             ends = np.abs(np.array([f[1:] for f in found]).T - middles)
@@ -50,7 +50,7 @@ def traces(one: Comparison) -> Figure:
     """A minute of the first held-out episode."""
     drawn, axes = new_figure(len(_TRACES), 1, (9.0, 1.7 * len(_TRACES)))
     for axis, (name, (words, factor)) in zip(axes[:, 0], _TRACES.items(), strict=True):
-        for controller in (HELD, VA_PITCH, POLICY):
+        for controller in (HELD, TUNED, POLICY):
             trace = one.traces[controller]
             shown = trace[(trace["time"] >= _FROM_S) & (trace["time"] <= _TO_S)]
             axis.plot(

@@ -13,7 +13,7 @@ from ...display import figures as drawing
 from ...display.tables import markdown, write_csv
 from ...envs.tasks import HELD_OUT, get_task
 from . import figures, targets
-from .bound import EPISODE_S
+from .bound import length_of
 from .comparison import (
     FIRST_SEED,
     HELD,
@@ -21,6 +21,7 @@ from .comparison import (
     OBSERVER,
     POLICY,
     SHOWN,
+    TUNED,
     Comparison,
     Difference,
     differences,
@@ -36,12 +37,13 @@ orders and resistances; observer `{OBSERVER}`, usual noise. A recipe is judged, 
 are means over all its trainings and episodes, with 95 % bootstrap intervals over both. Of each training
 the last state counts, and nothing was chosen among trainings. `{HELD}` is the combinator with its lever
 trimmed to the ordered speed: the plain one sails slower in waves than is ordered, which alone calms the
-shaft. The reward that is shown is the one that was trained."""
+shaft. `{TUNED}` is what the policy is added to: a classic law whose constants `shaftline tune` has
+searched on the training's seas. The reward that is shown is the one that was trained."""
 
 _BOUND = f"""\
-The clairvoyant plan knows the waves and all that comes, and chooses all commands of an episode of
-{EPISODE_S:g} s together ([how](../../evaluate.md#the-bound)). *Share*: of the gap in the task's reward
-between `{HELD}` and the plan. The policy is that of the first training."""
+The clairvoyant plan knows the waves and the resistance that come, and chooses all commands of an order
+together ([how](../../evaluate.md#the-bound)). *Share*: of the gap in the task's reward between `{HELD}`
+and the plan. The policy is that of the first training. Episodes of"""
 
 _CARD = """\
 For simulation: a baseline to compare with and a start for one's own training, on ship and task above.
@@ -80,13 +82,15 @@ def _task(one: Comparison, bound: pd.DataFrame | None) -> list[str]:
     parts = [
         f"## {one.task}",
         f"{get_task(one.task).description[0].upper()}{get_task(one.task).description[1:]}. "
-        f"{len(one.policies)} trainings, {one.seeds} episodes of {one.episode_s:g} s each.",
+        f"{len(one.policies)} trainings, {one.seeds} episodes of {one.episode_s:g} s each. "
+        f"{TUNED[0].upper()}{TUNED[1:]}: `{one.policies[0].adapter.form.base}`.",
         markdown(_shown(table_of(one))),
     ]
     if bound is not None:
         columns = ["controller", "share", "reward", "wave_torque_kN_m", "wave_engine_torque_kN_m",
-                   "power_peak_kW", "wave_attack_deg", "speed_mean_m_s", "fuel_kg_nmi"]  # fmt: skip
-        parts += [_BOUND, markdown(bound[columns])]
+                   "power_peak_kW", "wave_attack_deg", "outside_bucket_s", "rise_s", "speed_mean_m_s",
+                   "fuel_kg_nmi"]  # fmt: skip
+        parts += [f"{_BOUND} {length_of(one.task):g} s.", markdown(bound[columns])]
     return [*parts, f"![{one.task}]({one.task}.png)"]
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from shaftline.agents.policy.policy import PolicyError
+from shaftline.agents.policy.residual import Form
 from shaftline.studies.policies import command, page
 from shaftline.studies.policies.bound import BOUND, bound
 from shaftline.studies.policies.comparison import (
@@ -16,6 +17,7 @@ from shaftline.studies.policies.comparison import (
     HELD,
     POLICY,
     SHOWN,
+    TUNED,
     Difference,
     compare,
     differences,
@@ -53,9 +55,14 @@ def test_trainings_are_found_by_task_in_the_order_of_their_seeds(tmp_path: Path)
 def test_policies_that_say_nothing_are_their_base(tmp_path: Path) -> None:
     """Every episode of either training, figure by figure, and none of it differs from itself."""
     one = compare("rough-sea", files(tmp_path), tmp_path / "kept", seeds=3, episode_s=20.0, jobs=1)
-    assert list(one.kpis) == [POLICY, *BASELINES]
+    assert list(one.kpis) == [POLICY, *BASELINES, TUNED]
+    assert np.array_equal(one.kpis[TUNED]["reward"][0], one.kpis[POLICY]["reward"][0])
     assert {one.kpis[POLICY][name].shape for name in SHOWN} == {(2, 3)}
     assert {one.kpis[HELD][name].shape for name in SHOWN} == {(1, 3)}
+    other = plain_policy("rough-sea", Form(base="va-pitch"))
+    other.save(tmp_path / "other.npz")
+    with pytest.raises(PolicyError, match=r"different bases: speed-pilot.* and va-pitch"):
+        compare("rough-sea", [*files(tmp_path), tmp_path / "other.npz"], tmp_path, seeds=1)
     for name in SHOWN:
         assert np.array_equal(*one.kpis[POLICY][name])
     table = table_of(one).set_index("controller")

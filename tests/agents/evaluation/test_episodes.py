@@ -169,5 +169,8 @@ def test_names_of_cells_differ_where_settings_differ() -> None:
     names = {CELL.name, *(replace(CELL, **{key: value}).name for key, value in others.items())}
     assert len(names) == 1 + len(others)
     assert replace(CELL, task_model=get_task("transit")).name == CELL.name
-    for name in names:
+    long = [replace(CELL, controller="law:" + "k" * 400 + end).name for end in "ab"]
+    assert long[0] != long[1]
+    assert max(map(len, long)) < 200  # with a digest and an ending, file systems take it
+    for name in (*names, *long):
         assert set(name) <= set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-._")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from shaftline.agents import RecipeError, load_policy, read_recipe
-from shaftline.agents.learning.recipe import Recipe
+from shaftline.agents.learning.recipe import Recipe, form_of
 from shaftline.agents.policy.policy import trained
 from shaftline.agents.policy.residual import Form
 from shaftline.envs import get_task, tasks
@@ -39,7 +40,7 @@ def test_a_section_becomes_a_recipe(mine: Path) -> None:
     assert plan == Recipe(
         algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, legs=3, normalize=False,
         env_kwargs={"observer": "oracle", "episode_s": 60.0}, weights={"fuel_kg_s": 3.0},
-        form=Form(pitch_reach=0.8, history=4),
+        form=replace(form_of("transit"), pitch_reach=0.8, history=4),
         hyperparameters={"n_steps": 256, "learning_rate": "lin_3e-4"},
     )  # fmt: skip
 
@@ -85,6 +86,7 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ("transit: {n_envs: 1, n_timesteps: 1, seed: 2}", "unknown key 'seed'"),
         ("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}", "unknown key 'buffer_size'; PPO"),
         ("transit: {n_envs: 1, n_timesteps: 1, form: {history: 0}}", "history"),
+        ("transit: {n_envs: 1, n_timesteps: 1, form: 3}", "form = 3: must be a mapping"),
         ("transit: {n_envs: 1, n_timesteps: 1, weights: {joy: 1}}", "joy"),
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {ship: ferry}}", r"env_kwargs\.ship"),
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {action_mode: rack}}", "action_mode"),
@@ -129,8 +131,16 @@ def test_the_packages_recipe_is_read_and_changed() -> None:
     plan = read_recipe("ppo", "rough-sea", **changes)
     assert plan.n_envs == 8
     assert plan.env_kwargs["observer"] == "oracle"
+    assert plan.form == form_of("rough-sea")
     assert plan.form.washout_s == 10.0
+    longer = read_recipe("ppo", "rough-sea", form={"history": 16})
+    assert longer.form == replace(plan.form, history=16)
     assert changes["env_kwargs"] == {"observer": "oracle"}
+
+
+def test_forms_do_not_depend_on_the_algorithm() -> None:
+    assert read_recipe("sac", "rough-sea").form == read_recipe("ppo", "rough-sea").form
+    assert form_of("no such task") == Form()
 
 
 @pytest.mark.parametrize("name", sorted(trained()))
