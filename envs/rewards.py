@@ -52,12 +52,20 @@ class Weights(BaseModel):
     outside_bucket_deg: float = Field(
         0.0, ge=0, description="angle of attack beyond the cavitation bucket"
     )
+    near_limit: float = Field(
+        0.0,
+        ge=0,
+        description="engine torque in the last 5 % below the envelope, as share of these",
+    )
     failure: float = Field(
         500.0,
         ge=0,
         description="once, where the engine stalls or trips: else ending early would pay",
     )
 
+
+NEAR_LIMIT = 0.05
+"""Share of the engine's envelope, from above, in which its torque is near the limit."""
 
 TERMS = tuple(Weights.model_fields)
 """Names of the reward terms."""
@@ -119,6 +127,7 @@ def add_terms(
     terms.engine_swing_kN_m += share * 1e-3 * abs(outputs.brake_torque - now.mean_brake_torque)
     terms.attack_swing_deg += share * abs(now.attack - now.mean_attack)
     terms.outside_bucket_deg += share * now.outside_bucket
+    terms.near_limit += share * min(max((asked / limit - 1.0) / NEAR_LIMIT + 1.0, 0.0), 1.0)
 
 
 @compiled

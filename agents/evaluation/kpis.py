@@ -10,11 +10,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...envs.kernel import MEAN_S
+from ...envs.rewards import NEAR_LIMIT
 
 _NAUTICAL_MILE = 1852.0
 _STEP_M_S = 0.5
 """Least change of an order that is followed as a step."""
 
+_BEYOND = 0.005
+"""Share of the engine's envelope: a torque limiter holds it no better than the speed is measured."""
 
 SWINGS = ("torque", "engine_torque", "power", "attack")
 """Signals whose part in the wave band is told: what departs from their mean over the last MEAN_S."""
@@ -37,7 +40,7 @@ class EpisodeSums:
         self.cavitation, self.ventilation, self.thrust, self.reward = np.zeros((4, n))
         self.power, self.power_peak, self.distance, self.short = np.zeros((4, n))
         self.failed = np.zeros(n, dtype=bool)
-        self.pitch_travel, self.outside = np.zeros((2, n))
+        self.pitch_travel, self.outside, self.limit = np.zeros((3, n))
         self.pitch = np.full(n, np.nan)
         # angles of attack, interval by interval; nan where an episode is over
         self.attack: list[NDArray[np.float64]] = []
@@ -71,7 +74,8 @@ class EpisodeSums:
         speed = info["shaft_speed"]
         self.fastest = np.where(alive, np.maximum(self.fastest, speed), self.fastest)
         self.travel += alive * terms["rack_travel_mm"]
-        self.overload += alive * (terms["overload"] > 0.0) * interval
+        self.overload += alive * (terms["overload"] > _BEYOND) * interval
+        self.limit += alive * (terms["near_limit"] > 1.0 - _BEYOND / NEAR_LIMIT) * interval
         self.overspeed += alive * (terms["overspeed"] > 0.0) * interval
         self.cavitation += alive * (terms["cavitation"] > 0.0) * interval
         self.ventilation += alive * (info["ventilation"] > 0.5) * interval
@@ -147,7 +151,10 @@ _DECLARED = {
     "rack_travel_mm_min": _Kpi(
         "travel of the rack command [mm/min]", lambda s: s.travel / s.time * 60.0
     ),
-    "overload_s": _Kpi("time beyond the engine's envelope [s]", lambda s: s.overload),
+    "overload_s": _Kpi(
+        "time more than 0.5 % beyond the engine's envelope [s]", lambda s: s.overload
+    ),
+    "limit_s": _Kpi("time at the envelope, to 0.5 %, or beyond it [s]", lambda s: s.limit),
     "shaft_speed_peak_rad_s": _Kpi("highest shaft speed [rad/s]", lambda s: s.fastest),
     "overspeed_s": _Kpi("time beyond the engine's highest speed [s]", lambda s: s.overspeed),
     "cavitation_s": _Kpi("time beyond Burrill's limit [s]", lambda s: s.cavitation),

@@ -37,7 +37,7 @@ FIRST_SEED = 900_000
 OBSERVER = DEFAULTS.observer
 SHOWN = (
     "wave_torque_kN_m", "wave_engine_torque_kN_m", "wave_power_kW", "power_peak_kW",
-    "wave_attack_deg", "attack_99_deg", "outside_bucket_s", "overload_s", "speed_mean_m_s",
+    "wave_attack_deg", "attack_99_deg", "outside_bucket_s", "overload_s", "limit_s", "speed_mean_m_s",
     "speed_error_rms_m_s", "rise_s", "fuel_kg_nmi", "pitch_travel_min", "rack_travel_mm_min",
     "failed", "reward",
 )  # fmt: skip

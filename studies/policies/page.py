@@ -88,8 +88,8 @@ def _task(one: Comparison, bound: pd.DataFrame | None) -> list[str]:
     ]
     if bound is not None:
         columns = ["controller", "share", "reward", "wave_torque_kN_m", "wave_engine_torque_kN_m",
-                   "power_peak_kW", "wave_attack_deg", "outside_bucket_s", "rise_s", "speed_mean_m_s",
-                   "fuel_kg_nmi"]  # fmt: skip
+                   "power_peak_kW", "wave_attack_deg", "outside_bucket_s", "limit_s", "rise_s",
+                   "speed_mean_m_s", "fuel_kg_nmi"]  # fmt: skip
         parts += [f"{_BOUND} {length_of(one.task):g} s.", markdown(bound[columns])]
     return [*parts, f"![{one.task}]({one.task}.png)"]
 

@@ -153,6 +153,7 @@ def by_formula(plant: Any, moments: list[Moment], before: Moment, means: list[An
                 "outside_bucket_deg": outside_bucket(
                     plant, attack_of(plant, now), now.shaft_speed, out.submergence
                 ),
+                "near_limit": np.clip((asked - 0.95) / 0.05, 0.0, 1.0),
             }
         )
     return {name: np.mean([row[name] for row in rows]) for name in rows[0]}

@@ -74,23 +74,28 @@ def test_fuel_is_that_of_both_engines() -> None:
 
 
 @pytest.mark.parametrize(
-    ("share_of_limit", "expected"), [(0.99, 0.0), (1.01, 0.01), (1.1, 0.1), (1.5, 0.5)]
-)
+    ("share_of_limit", "expected", "near"),
+    [(0.94, 0.0, 0.0), (0.96, 0.0, 0.2), (0.99, 0.0, 0.8), (1.01, 0.01, 1.0), (1.1, 0.1, 1.0),
+     (1.5, 0.5, 1.0)],
+)  # fmt: skip
 @pytest.mark.parametrize("shaft_speed", [SPEED, 0.98 * HIGHEST / GEAR])
-def test_overload_counts_from_the_envelope_on(
-    share_of_limit: float, expected: float, shaft_speed: float
+def test_overload_counts_from_the_envelope_on_and_nearness_from_a_twentieth_below(
+    share_of_limit: float, expected: float, near: float, shaft_speed: float
 ) -> None:
     limit = min(15e3 + 467.0 * (GEAR * shaft_speed - LOWEST), 38e3)
     now = QUIET._replace(
         shaft_speed=shaft_speed, rack=rack_at(share_of_limit * limit, shaft_speed)
     )  # fmt: skip
     found = terms_of(now, share=0.5)
-    assert found == pytest.approx({"overload": 0.5 * expected} if expected else {})
+    both = {"overload": 0.5 * expected, "near_limit": 0.5 * near}
+    assert found == pytest.approx({name: value for name, value in both.items() if value})
 
 
 def test_overload_is_of_the_rack_not_of_its_command() -> None:
     assert terms_of(QUIET._replace(drive=40.0, drive_before=40.0)) == {}
-    assert terms_of(QUIET._replace(rack=rack_at(1.2 * LIMIT))) == pytest.approx({"overload": 0.2})
+    assert terms_of(QUIET._replace(rack=rack_at(1.2 * LIMIT))) == pytest.approx(
+        {"overload": 0.2, "near_limit": 1.0}
+    )
 
 
 @pytest.mark.parametrize("torque", [1.9e5, 2.1e5])
@@ -173,7 +178,7 @@ def test_weights_are_costs_and_few_have_a_default() -> None:
     needed = [name for name, field in Weights.model_fields.items() if field.is_required()]
     assert needed == list(TERMS[:7])
     plain = Weights(**dict.fromkeys(needed, 0.0))
-    assert [getattr(plain, name) for name in TERMS[7:]] == [*5 * (0.0,), 500.0]
+    assert [getattr(plain, name) for name in TERMS[7:]] == [*6 * (0.0,), 500.0]
     with pytest.raises(ValidationError, match="frozen"):
         plain.overload = 1.0
     with pytest.raises(ValidationError, match="finite"):
