@@ -39,9 +39,14 @@ results: $(INSTALLED)
 	$(BIN)/shaftline evaluate --out docs/results/baselines --task transit --seeds 20 \
 	    --controller combinator --controller cpp-optimiser --controller anti-spin \
 	    --sea calm --sea state-3 --sea state-5 --sea state-6 --observer all
-	for task in rough-sea calm-machinery; do for seed in 1 2 3 4 5 6 7 8 9 10; do \
+	for task in rough-sea calm-machinery acceleration flank silent storm speed-keeping transit; do \
+	    case $$task in rough-sea|calm-machinery) seeds="1 2 3 4 5 6 7 8 9 10";; *) seeds="1 2 3 4 5";; esac; \
+	    for seed in $$seeds; do \
 	    $(BIN)/shaftline train --task $$task --seed $$seed --out out/policies/$$task/seed-$$seed; done; done
 	$(BIN)/python -m shaftline.studies.policies --trained out/policies --out docs/results/policies
+	$(BIN)/python -m shaftline.studies.policies.film --out docs/results/policies/film.gif
+	$(BIN)/python -m shaftline.studies.observer_ranking --out docs/results
+	$(BIN)/python -m shaftline.studies.observer_features --out docs/results
 	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
 	$(BIN)/python -m shaftline.studies.tito_neri.effects --out docs/results

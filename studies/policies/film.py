@@ -25,6 +25,9 @@ from ...envs.tasks import HELD_OUT, get_task
 from ...plant.waves import field
 from .comparison import FIRST_SEED, HELD, OBSERVER
 
+SEED = FIRST_SEED + 2
+"""Of the episode: the first of the held-out ones whose waves are of the highest kind (6.4 m)."""
+
 BEGIN_S, SECONDS, EVERY_S = 60.0, 40.0, 0.25
 PER_SECOND = 10  # frames: two and a half times as fast as the sea
 SHOWN_S = 20.0
@@ -128,7 +131,7 @@ def main(arguments: list[str] | None = None) -> None:
     add("--out", type=Path, default=Path("out/film.gif"), help="file, .gif")
     add("--task", default="rough-sea", help="whose held-out seas and packaged policy are taken")
     add("--policy", help="file; the packaged one of the task by default")
-    add("--seed", type=int, default=FIRST_SEED, help="of the episode")
+    add("--seed", type=int, default=SEED, help="of the episode")
     options = parser.parse_args(arguments)
     if options.out.suffix != ".gif":
         parser.error(f"--out {options.out}: must end in .gif")
