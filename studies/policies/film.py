@@ -25,6 +25,12 @@ from ...envs.tasks import HELD_OUT, get_task
 from ...plant.waves import field
 from .comparison import FIRST_SEED, HELD, OBSERVER
 
+NAME = "film.gif"
+WORDS = (
+    "The same sea, 6.4 m high, at two and a half times its pace: on the left the combinator, on the right a "
+    "policy. The ship surges only, so she is drawn level."
+)
+
 SEED = FIRST_SEED + 2
 """Of the episode: the first of the held-out ones whose waves are of the highest kind (6.4 m)."""
 

@@ -12,7 +12,7 @@ from ...core.files import write_text
 from ...display import figures as drawing
 from ...display.tables import markdown, write_csv
 from ...envs.tasks import HELD_OUT, get_task
-from . import figures, targets
+from . import figures, film, targets
 from .bound import length_of
 from .comparison import (
     FIRST_SEED,
@@ -71,6 +71,8 @@ def write(
     if asked:
         parts += ["## What was asked for", markdown(pd.DataFrame(asked))]
     parts += ["![Changes](changes.png)"]
+    if (folder / film.NAME).is_file():
+        parts += [film.WORDS, f"![Film]({film.NAME})"]
     for one in comparisons:
         parts += _task(one, bounds.get(one.task))
     parts += ["## While they were trained", "![Curves](curves.png)", "## Columns"]

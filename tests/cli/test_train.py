@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -147,3 +148,40 @@ def test_bad_recipe(
     recipe.write_text(RECIPE.replace(old, new))
     refused(shaftline("train", "--recipe", recipe, "--out", tmp_path / "out"), *words)
     nothing_written(tmp_path, "mine.yml")
+
+
+def test_constants_are_searched_for_and_sailed(shaftline: Command, tmp_path: Path) -> None:
+    """What is printed is a controller that `evaluate` takes."""
+    quick = ("--rounds", 1, "--seeds", 2, "--episode-s", 10)
+    result = shaftline(
+        "tune", "--controller", "speed-pilot:pitch_gain=0", "--task", "transit",
+        "--vary", "speed_gain=1:9", *quick,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    (found,) = set(
+        re.findall(r"--controller (speed-pilot:pitch_gain=0\.?0?,speed_gain=\S+)", result.output)
+    )
+    assert 1.0 <= float(found.rpartition("=")[2]) <= 9.0
+    assert "fresh episodes" in result.output
+    result = shaftline(
+        "evaluate", "--controller", found, "--task", "transit", "--out", tmp_path, *QUICK
+    )
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--vary", "speed_gain=3"), "--vary 'speed_gain=3': must be OPTION=LOW:HIGH"),
+        (("--vary", "speed_gain=3:1"), "range of speed_gain: 3.0 to 1.0 is none"),
+        (("--vary", "zeal=0:1"), "unexpected keyword argument 'zeal'"),
+        (("--controller", "helm"), "unknown controller 'helm'"),
+        (("--controller", "anti-spin"), "no constant that may be searched for"),
+        (("--task", "race"), "race"),
+        (("--observer", "eye"), "eye"),
+    ],
+)
+def test_searches_that_cannot_be_made_are_refused(
+    shaftline: Command, arguments: tuple[str, ...], words: str
+) -> None:
+    refused(shaftline("tune", "--rounds", 1, "--seeds", 1, "--episode-s", 5, *arguments), words)
