@@ -27,8 +27,8 @@ from .comparison import FIRST_SEED, HELD, OBSERVER
 
 NAME = "film.gif"
 WORDS = (
-    "The same sea, 6.4 m high, at two and a half times its pace: on the left the combinator, on the right a "
-    "policy. The ship surges only, so she is drawn level."
+    "The same sea, 6.4 m high, at two and a half times its pace: on the left the combinator, on the "
+    "right a policy. The ship surges only, so she is drawn level."
 )
 
 SEED = FIRST_SEED + 2

@@ -41,7 +41,7 @@ SAILED = ("rough-sea", "calm-machinery", "acceleration", "flank", "silent")
 
 def _ends(sea: Any) -> dict[str, tuple[float, float]]:
     if isinstance(sea, str):
-        one = get_sea(sea)
+        one: Any = get_sea(sea)
         sea = {"hs_m": one.hs_m, "tp_s": one.tp_s, "heading_deg": one.heading_deg}
     ends = {key: np.atleast_1d(value) for key, value in sea.items()}
     return {key: (float(pair[0]), float(pair[-1])) for key, pair in ends.items()}
