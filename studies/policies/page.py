@@ -45,6 +45,14 @@ The clairvoyant plan knows the waves and the resistance that come, and chooses a
 together ([how](../../evaluate.md#the-bound)). *Share*: of the gap in the task's reward between `{HELD}`
 and the plan. The policy is that of the first training. Episodes of"""
 
+_WORTH = (
+    "reward",
+    "wave_torque_kN_m",
+    "wave_engine_torque_kN_m",
+    "outside_bucket_s",
+    "fuel_kg_nmi",
+)
+
 _CARD = """\
 For simulation: a baseline to compare with and a start for one's own training, on ship and task above.
 It is not for a real ship: nothing about its stability is proven, and beyond the speeds, seas and
@@ -86,6 +94,7 @@ def _task(one: Comparison, bound: pd.DataFrame | None) -> list[str]:
         f"{get_task(one.task).description[0].upper()}{get_task(one.task).description[1:]}. "
         f"{len(one.policies)} trainings, {one.seeds} episodes of {one.episode_s:g} s each. "
         f"{TUNED[0].upper()}{TUNED[1:]}: `{one.policies[0].adapter.form.base}`.",
+        _added(one),
         markdown(_shown(table_of(one))),
     ]
     if bound is not None:
@@ -94,6 +103,16 @@ def _task(one: Comparison, bound: pd.DataFrame | None) -> list[str]:
                    "speed_mean_m_s", "fuel_kg_nmi"]  # fmt: skip
         parts += [f"{_BOUND} {length_of(one.task):g} s.", markdown(bound[columns])]
     return [*parts, f"![{one.task}]({one.task}.png)"]
+
+
+def _added(one: Comparison) -> str:
+    """What the learned part is worth, in words."""
+    said = [
+        f"`{d.quantity}` {d.percent:+.1f} % ({d.percent_low:+.1f} to {d.percent_high:+.1f})"
+        for d in differences(one)
+        if d.baseline == TUNED and d.quantity in _WORTH
+    ]
+    return f"What learning adds to the {TUNED} (the reward is a cost): {', '.join(said)}."
 
 
 def _shown(table: pd.DataFrame) -> pd.DataFrame:
