@@ -31,6 +31,7 @@ TARGETS = (
     Target("calm-machinery", HELD, "wave_torque_kN_m", -100.0, -25.0),
     Target("calm-machinery", HELD, "wave_engine_torque_kN_m", -100.0, -60.0),
     Target("calm-machinery", HELD, "fuel_kg_nmi", -100.0, 2.0),
+    Target("acceleration", VA_PITCH, "rise_s", -100.0, -20.0),
     Target("acceleration", TUNED, "rise_s", -100.0, -20.0),
     Target("flank", HELD, "limit_s", -100.0, -90.0),
     Target("flank", HELD, "speed_mean_m_s", -1.0, 100.0),

@@ -39,8 +39,8 @@ def test_a_policy_is_trained_and_evaluated(
 ) -> None:
     out = tmp_path / "out"
     arguments = (
-        "train", "--recipe", recipe, "--out", out, "--seed", 2, "--observer", "luenberger",
-        "--device", "cpu", "--sensor-noise", 0.5,
+        "train", "--task", "transit", "--recipe", recipe, "--out", out, "--seed", 2,
+        "--observer", "luenberger", "--device", "cpu", "--sensor-noise", 0.5,
     )  # fmt: skip
     first = shaftline(*arguments)
     assert first.exit_code == 0, first.output
@@ -88,7 +88,7 @@ def test_interrupted_says_so(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("shaftline.agents.learning.training.train", stopped)
-    result = shaftline("train", "--recipe", recipe, "--out", tmp_path / "out")
+    result = shaftline("train", "--task", "transit", "--recipe", recipe, "--out", tmp_path / "out")
     assert result.exit_code == 130
     assert "the same command goes on" in result.output
 
@@ -127,7 +127,10 @@ def test_bad_input(
     words: tuple[str, ...],
 ) -> None:  # fmt: skip
     out = tmp_path / "out"
-    refused(shaftline("train", "--recipe", recipe, "--out", out, *arguments), *words)
+    refused(
+        shaftline("train", "--task", "transit", "--recipe", recipe, "--out", out, *arguments),
+        *words,
+    )
     nothing_written(tmp_path, "mine.yml")
 
 
@@ -146,7 +149,10 @@ def test_bad_recipe(
     shaftline: Command, tmp_path: Path, recipe: Path, old: str, new: str, words: tuple[str, ...]
 ) -> None:
     recipe.write_text(RECIPE.replace(old, new))
-    refused(shaftline("train", "--recipe", recipe, "--out", tmp_path / "out"), *words)
+    refused(
+        shaftline("train", "--task", "transit", "--recipe", recipe, "--out", tmp_path / "out"),
+        *words,
+    )
     nothing_written(tmp_path, "mine.yml")
 
 
