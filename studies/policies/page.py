@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ...core.files import write_text
@@ -110,7 +111,7 @@ def _added(one: Comparison) -> str:
     said = [
         f"`{d.quantity}` {d.percent:+.1f} % ({d.percent_low:+.1f} to {d.percent_high:+.1f})"
         for d in differences(one)
-        if d.baseline == TUNED and d.quantity in _WORTH
+        if d.baseline == TUNED and d.quantity in _WORTH and np.isfinite(d.percent)
     ]
     return f"What learning adds to the {TUNED} (the reward is a cost): {', '.join(said)}."
 
