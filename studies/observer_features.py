@@ -7,6 +7,7 @@ trained and sailed is kept, so an interrupted run goes on where it stopped.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import itertools
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -124,20 +125,18 @@ def _trained(cell: tuple[Recipe, int, str]) -> str:
 
 def trained(folder: Path, jobs: int | None, **changes: Any) -> dict[Arm, list[Path]]:
     """Policies of each arm; those that stand in the folder are not trained again."""
-    cells = {
-        f"{arm.observer}-{arm.history}-{seed}": (arm, seed)
-        for seed, arm in itertools.product(range(1, RUNS + 1), ARMS)
-    }
+    cells = {}
+    for seed, arm in itertools.product(range(1, RUNS + 1), ARMS):
+        recipe = arm.recipe(**changes)
+        version = hashlib.sha256(recipe.model_dump_json().encode()).hexdigest()[:8]
+        cells[f"{arm.observer}-{arm.history}-{seed}-{version}"] = (arm, recipe, seed)
     paths = sweep(
         _trained,
-        {
-            name: (arm.recipe(**changes), seed, str(folder / name))
-            for name, (arm, seed) in cells.items()
-        },
+        {name: (recipe, seed, str(folder / name)) for name, (_, recipe, seed) in cells.items()},
         folder / "cells", jobs=jobs, tick=_tick,
     )  # fmt: skip
     found: dict[Arm, list[Path]] = {arm: [] for arm in ARMS}
-    for name, (arm, _) in cells.items():
+    for name, (arm, _, _) in cells.items():
         found[arm].append(Path(paths[name]))
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,6 +15,7 @@ from .comparison import HELD, POLICY, TUNED, Comparison
 COLOURS = {POLICY: PALETTE[0], HELD: PALETTE[1], TUNED: PALETTE[2]}
 _BARS = ("wave_torque_kN_m", "wave_engine_torque_kN_m", "power_peak_kW", "wave_attack_deg",
          "fuel_kg_nmi")  # fmt: skip
+_ACROSS = 3  # panels
 _FROM_S, _TO_S = 100.0, 160.0
 _TRACES = {
     "shaft_torque": ("torque at the gauge [kN m]", 1e-3),
@@ -26,8 +28,8 @@ _TRACES = {
 
 def changes(comparisons: Sequence[Comparison]) -> Figure:
     """Each controller against the combinator with a trimmed lever, in percent."""
-    drawn, axes = new_figure(1, len(comparisons), (4.0 * len(comparisons) + 1.0, 3.6))
-    for axis, one in zip(axes[0], comparisons, strict=True):
+    drawn, panels = _panels(len(comparisons), (4.2, 3.4))
+    for axis, one in zip(panels, comparisons, strict=True):
         base = one.kpis[HELD]
         for offset, name in ((-0.18, POLICY), (0.18, TUNED)):
             found = [relative_to(one.kpis[name][kpi], base[kpi][0]) for kpi in _BARS]
@@ -42,8 +44,18 @@ def changes(comparisons: Sequence[Comparison]) -> Figure:
         axis.invert_yaxis()
         axis.set_xlabel(f"change against {HELD} [%]", fontsize=8)
         axis.set_title(one.task, fontsize=10)
-    axes[0, 0].legend(fontsize=8, frameon=False)
+    panels[0].legend(fontsize=8, frameon=False)
     return drawn
+
+
+def _panels(count: int, size: tuple[float, float]) -> tuple[Figure, list[Any]]:
+    """A figure with so many panels of a size [inch], a few in a row."""
+    across = min(count, _ACROSS)
+    rows = -(-count // across)
+    drawn, axes = new_figure(rows, across, (size[0] * across, size[1] * rows))
+    for spare in axes.flat[count:]:
+        spare.set_visible(False)
+    return drawn, list(axes.flat[:count])
 
 
 def traces(one: Comparison) -> Figure:
@@ -66,13 +78,13 @@ def traces(one: Comparison) -> Figure:
 
 def curves(comparisons: Sequence[Comparison]) -> Figure:
     """Rewards while they were trained, a line a training."""
-    drawn, axes = new_figure(1, len(comparisons), (3.6 * len(comparisons) + 0.6, 3.2))
-    for axis, one in zip(axes[0], comparisons, strict=True):
+    drawn, panels = _panels(len(comparisons), (3.6, 3.0))
+    for axis, one in zip(panels, comparisons, strict=True):
         for policy in one.policies:
             steps = np.array(policy.curve["steps"]) * 1e-3
             axis.plot(steps, policy.curve["reward"], color=PALETTE[0], alpha=0.6, marker=".")
         axis.set_title(f"{one.task}, {len(one.policies)} trainings", fontsize=10)
         axis.set_xlabel("control intervals [thousand]", fontsize=8)
         axis.tick_params(labelsize=8)
-    axes[0, 0].set_ylabel("reward of an episode", fontsize=9)
+    panels[0].set_ylabel("reward of an episode", fontsize=9)
     return drawn
