@@ -31,12 +31,13 @@ def controller_names() -> list[str]:
 
 
 def tunable(name: str) -> Mapping[str, tuple[float, float]]:
-    """Options of a controller that a search may set, with their ranges.
+    """Options of a controller that a search may set, with their ranges; a variant's own are set.
 
     Raises:
         ControllerError: unknown name.
     """
-    return _known(name)[0].tunable
+    kind, fixed = _known(name)
+    return {key: ends for key, ends in kind.tunable.items() if key not in fixed}
 
 
 def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:

@@ -79,6 +79,17 @@ def clear_errors() -> Iterator[None]:
 
 
 @contextmanager
+def needs_train(what: str) -> Iterator[None]:
+    """Say how to install what is missing; ``what`` needs the extra ``train``."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"{what} needs {error.name}, which is not installed: pip install 'shaftline[train]'"
+        ) from None
+
+
+@contextmanager
 def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
     """A progress bar on the error stream; gives the function that moves it by one."""
     with Progress(

@@ -13,7 +13,7 @@ import typer
 from ..agents import load_policy
 from ..envs import DEFAULTS, get_task, tasks
 from ..observers import get_observer
-from .console import check_folder, clear_errors, print_table, say, stages
+from .console import check_folder, clear_errors, needs_train, print_table, say, stages
 
 _CURVE = {
     "steps": "steps", "reward": "reward", "fuel_kg_nmi": "fuel [kg/nmi]",
@@ -137,13 +137,9 @@ def train(
 
 def _learning() -> tuple[Any, Any]:
     """What needs the extra: ``read_recipe`` and the module that trains."""
-    try:
+    with needs_train("training"):
         from ..agents.learning import training
         from ..agents.learning.recipe import read_recipe
-    except ModuleNotFoundError as error:
-        raise ValueError(
-            f"training needs {error.name}, which is not installed: pip install 'shaftline[train]'"
-        ) from None
     return read_recipe, training
 
 

@@ -9,7 +9,7 @@ import typer
 from ..baselines import controller_names
 from ..envs import DEFAULTS, get_task, tasks
 from ..observers import get_observer
-from .console import clear_errors, say, stages
+from .console import clear_errors, needs_train, say, stages
 
 
 def tune(
@@ -51,12 +51,8 @@ def tune(
         get_task(task).sailed(None)
         get_observer(observer)
         ranges = dict(map(_range, vary)) if vary else None
-        try:
+        with needs_train("tuning"):
             from ..agents.learning.tuning import tune as search
-        except ModuleNotFoundError as error:
-            raise ValueError(
-                f"tuning needs {error.name}, which is not installed: pip install 'shaftline[train]'"
-            ) from None
         with stages("tuning") as tick:
             found = search(
                 controller, task, ranges=ranges, rounds=rounds, episodes=seeds,

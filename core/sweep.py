@@ -182,6 +182,11 @@ def _client(address: str) -> Iterator[Any]:
         yield client, distributed.as_completed
 
 
+def digest_of(text: str) -> str:
+    """Eight letters that change with a text."""
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
 @functools.cache
 def source_digest(*places: str) -> str:
     """Eight letters that change with the package's source and data in some folders or files.

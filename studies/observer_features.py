@@ -7,7 +7,6 @@ trained and sailed is kept, so an interrupted run goes on where it stopped.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import itertools
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +22,7 @@ from ..agents.evaluation.episodes import Setting
 from ..agents.evaluation.sweeps import episodes
 from ..agents.learning.recipe import Recipe, read_recipe
 from ..baselines.controller import Predictor
-from ..core.sweep import sweep
+from ..core.sweep import digest_of, source_digest, sweep
 from ..display import figures
 from ..display.tables import markdown, write_table
 from ..envs.settings import DEFAULTS, noise_of
@@ -125,10 +124,11 @@ def _trained(cell: tuple[Recipe, int, str]) -> str:
 
 def trained(folder: Path, jobs: int | None, **changes: Any) -> dict[Arm, list[Path]]:
     """Policies of each arm; those that stand in the folder are not trained again."""
+    source = source_digest("core", "plant", "observers", "baselines", "envs", "agents")
     cells = {}
     for seed, arm in itertools.product(range(1, RUNS + 1), ARMS):
         recipe = arm.recipe(**changes)
-        version = hashlib.sha256(recipe.model_dump_json().encode()).hexdigest()[:8]
+        version = digest_of(f"{source} {recipe.model_dump_json()}")
         cells[f"{arm.observer}-{arm.history}-{seed}-{version}"] = (arm, recipe, seed)
     paths = sweep(
         _trained,

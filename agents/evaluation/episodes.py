@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -12,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...baselines.controller import Predictor, readings
+from ...core.sweep import digest_of
 from ...envs import DEFAULTS, FrigateVectorEnv
 from ...envs.records import TRUTHS
 from ...envs.tasks import Task, get_task
@@ -73,7 +73,7 @@ class Setting:
         """
         text = "_".join(map(str, self.columns.values()))
         if len(text) > _LONGEST:
-            text = f"{text[:_LONGEST]}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+            text = f"{text[:_LONGEST]}_{digest_of(text)}"
         return "".join(c if c.isalnum() or c in "-._" else "-" for c in text)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import pandas as pd
 
 from ...baselines.controller import Predictor
 from ...core.files import write_atomically, write_json, write_text
-from ...core.sweep import source_digest, sweep
+from ...core.sweep import digest_of, source_digest, sweep
 from ...plant import load_ship
 from .episodes import TRACE, Setting, run_episodes
 from .kpis import KPIS
@@ -149,4 +148,4 @@ def _sail(
 def version_of_cells(ship: str) -> str:
     """Eight letters that change with the ship and with the source that cells are made by."""
     source = source_digest("core", "plant", "observers", "baselines", "envs", "agents/evaluation")
-    return hashlib.sha256(f"{source} {load_ship(ship)!r}".encode()).hexdigest()[:8]
+    return digest_of(f"{source} {load_ship(ship)!r}")

@@ -25,7 +25,7 @@ from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ...core.files import write_json
-from ...core.sweep import refuse_another, source_digest
+from ...core.sweep import digest_of, refuse_another, source_digest
 from ...envs import DEFAULTS
 from ...envs.sb3 import Sb3Frigates
 from ...plant import load_ship
@@ -176,7 +176,7 @@ def train(
     """
     source = source_digest("core", "plant", "observers", "baselines", "envs", *_SOURCES)
     ship = ship or recipe.rewarded().vessel
-    content = hashlib.sha256(repr(load_ship(ship)).encode()).hexdigest()[:8]
+    content = digest_of(repr(load_ship(ship)))
     plan = {
         "recipe": recipe.model_dump(), "seed": seed, "ship": {"source": ship, "content": content},
         "source": source,

@@ -108,6 +108,8 @@ def tune(
         {
             "bounds": [0.0, 1.0], "maxiter": rounds, "verbose": -9, "seed": np.nan,
             "randn": lambda *shape: rng.standard_normal(shape), "verb_log": 0,
+            # cma 4.5 fails where it would limit the spread of a single constant
+            "maxstd_boundrange": 1.0 / 3.0 if len(free) > 1 else np.inf,
         },
     )  # fmt: skip
     best, most, sailed = "", -np.inf, 0

@@ -5,7 +5,6 @@ The gap is from the combinator with a trimmed lever to the clairvoyant plan, in 
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from ...agents.evaluation.controllers import load_controller
 from ...agents.evaluation.episodes import Setting, run_episodes
 from ...agents.evaluation.sweeps import version_of_cells
 from ...agents.policy.policy import load_policy
-from ...core.sweep import sweep
+from ...core.sweep import digest_of, sweep
 from ...envs.settings import DEFAULTS, Settings
 from ...envs.tasks import HELD_OUT, get_task
 from .comparison import BASELINES, FIRST_SEED, HELD, OBSERVER, POLICY, SHOWN, TUNED
@@ -88,7 +87,7 @@ def bound(
     law = load_policy(policy).adapter.form.base
     version = version_of_cells(get_task(task).vessel)
     cells = {
-        f"{task}-{seed}_{hashlib.sha256(law.encode()).hexdigest()[:8]}_{version}": (task, law, seed)
+        f"{task}-{seed}_{digest_of(law)}_{version}": (task, law, seed)
         for seed in range(FIRST_SEED, FIRST_SEED + seeds)
     }
     plans = sweep(planned, cells, folder, jobs=jobs, tick=tick)

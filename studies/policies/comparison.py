@@ -44,6 +44,17 @@ SHOWN = (
 """What is compared, by column of the KPIs."""
 
 
+class Difference(NamedTuple):
+    """Policy minus baseline in one quantity, in percent of the baseline, with its 95 % interval."""
+
+    task: str
+    baseline: str
+    quantity: str
+    percent: float
+    percent_low: float
+    percent_high: float
+
+
 @dataclass(frozen=True)
 class Comparison:
     """The episodes of one task.
@@ -67,16 +78,27 @@ class Comparison:
     seeds: int
     episode_s: float
 
+    @functools.cached_property
+    def table(self) -> pd.DataFrame:
+        """One row a controller: every quantity with ``_low`` and ``_high``."""
+        rows = []
+        for controller, kpis in self.kpis.items():
+            row: dict[str, object] = {"task": self.task, "controller": controller}
+            for name in SHOWN:
+                row[name], row[f"{name}_low"], row[f"{name}_high"] = middle_of_runs(kpis[name])
+            rows.append(row)
+        return pd.DataFrame(rows)
 
-class Difference(NamedTuple):
-    """Policy minus baseline in one quantity, in percent of the baseline, with its 95 % interval."""
-
-    task: str
-    baseline: str
-    quantity: str
-    percent: float
-    percent_low: float
-    percent_high: float
+    @functools.cached_property
+    def differences(self) -> list[Difference]:
+        """Policy minus each baseline in every quantity."""
+        own = self.kpis[POLICY]
+        return [
+            Difference(self.task, name, quantity, *relative_to(own[quantity], kpis[quantity][0]))
+            for name, kpis in self.kpis.items()
+            if name != POLICY
+            for quantity in SHOWN
+        ]
 
 
 def compare(
@@ -131,28 +153,6 @@ def _made(texts: dict[str, str], interval_s: float, setting: Setting) -> Control
 
 def _stacked(found: Sequence[Episodes]) -> dict[str, NDArray[np.float64]]:
     return {name: np.array([one.kpis[name] for one in found], dtype=np.float64) for name in SHOWN}
-
-
-def table_of(comparison: Comparison) -> pd.DataFrame:
-    """One row a controller: every quantity with ``_low`` and ``_high``."""
-    rows = []
-    for controller, kpis in comparison.kpis.items():
-        row: dict[str, object] = {"task": comparison.task, "controller": controller}
-        for name in SHOWN:
-            row[name], row[f"{name}_low"], row[f"{name}_high"] = middle_of_runs(kpis[name])
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def differences(comparison: Comparison) -> list[Difference]:
-    """Policy minus each baseline in every quantity."""
-    own = comparison.kpis[POLICY]
-    return [
-        Difference(comparison.task, name, quantity, *relative_to(own[quantity], kpis[quantity][0]))
-        for name, kpis in comparison.kpis.items()
-        if name != POLICY
-        for quantity in SHOWN
-    ]
 
 
 MEANINGS = {name: KPIS[name] for name in SHOWN}

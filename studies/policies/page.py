@@ -25,8 +25,6 @@ from .comparison import (
     TUNED,
     Comparison,
     Difference,
-    differences,
-    table_of,
 )
 
 COMMAND = "python -m shaftline.studies.policies --trained out/policies --out docs/results/policies"
@@ -66,8 +64,8 @@ def write(
     folder: Path, comparisons: Sequence[Comparison], bounds: Mapping[str, pd.DataFrame]
 ) -> None:
     """Write ``policies.md``, its tables and its figures."""
-    found = [one for comparison in comparisons for one in differences(comparison)]
-    write_csv(folder, "policies", pd.concat([table_of(one) for one in comparisons]))
+    found = [one for comparison in comparisons for one in comparison.differences]
+    write_csv(folder, "policies", pd.concat([one.table for one in comparisons]))
     write_csv(folder, "differences", pd.DataFrame(found, columns=list(Difference._fields)))
     drawing.save(figures.changes(comparisons), folder / "changes.png")
     drawing.save(figures.curves(comparisons), folder / "curves.png")
@@ -96,7 +94,7 @@ def _task(one: Comparison, bound: pd.DataFrame | None) -> list[str]:
         f"{len(one.policies)} trainings, {one.seeds} episodes of {one.episode_s:g} s each. "
         f"{TUNED[0].upper()}{TUNED[1:]}: `{one.policies[0].adapter.form.base}`.",
         _added(one),
-        markdown(_shown(table_of(one))),
+        markdown(_shown(one.table)),
     ]
     if bound is not None:
         columns = ["controller", "share", "reward", "wave_torque_kN_m", "wave_engine_torque_kN_m",
@@ -110,7 +108,7 @@ def _added(one: Comparison) -> str:
     """What the learned part is worth, in words."""
     said = [
         f"`{d.quantity}` {d.percent:+.1f} % ({d.percent_low:+.1f} to {d.percent_high:+.1f})"
-        for d in differences(one)
+        for d in one.differences
         if d.baseline == TUNED and d.quantity in _WORTH and np.isfinite(d.percent)
     ]
     return f"What learning adds to the {TUNED} (the reward is a cost): {', '.join(said)}."
@@ -160,6 +158,6 @@ def card(one: Comparison, source: Path) -> str:
             f"## On the held-out seas (`{one.task}:{HELD_OUT}`)",
             f"The recipe's {len(one.policies)} trainings, of which this is one; "
             f"{one.seeds} episodes of {one.episode_s:g} s.",
-            markdown(_shown(table_of(one))), "## Use and limits", _CARD,
+            markdown(_shown(one.table)), "## Use and limits", _CARD,
         ]
     ) + "\n"  # fmt: skip

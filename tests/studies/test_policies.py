@@ -21,8 +21,6 @@ from shaftline.studies.policies.comparison import (
     TUNED,
     Difference,
     compare,
-    differences,
-    table_of,
 )
 from shaftline.studies.policies.targets import TARGETS, Target, met, rows
 
@@ -66,11 +64,11 @@ def test_policies_that_say_nothing_are_their_base(tmp_path: Path) -> None:
         compare("rough-sea", [*files(tmp_path), tmp_path / "other.npz"], tmp_path, seeds=1)
     for name in SHOWN:
         assert np.array_equal(*one.kpis[POLICY][name])
-    table = table_of(one).set_index("controller")
+    table = one.table.set_index("controller")
     assert table["wave_torque_kN_m"][POLICY] == pytest.approx(
         np.mean(one.kpis[POLICY]["wave_torque_kN_m"])
     )
-    against = {d.baseline: d for d in differences(one) if d.quantity == "wave_engine_torque_kN_m"}
+    against = {d.baseline: d for d in one.differences if d.quantity == "wave_engine_torque_kN_m"}
     assert against[HELD].percent < -50.0  # the base leaves the waves to the shaft's inertia
     assert against[HELD].percent_low <= against[HELD].percent <= against[HELD].percent_high
 

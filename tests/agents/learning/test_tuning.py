@@ -27,6 +27,11 @@ def test_a_search_gains_and_repeats() -> None:
     assert tune(text, "acceleration", ranges={"speed_gain": (0.5, 16.0)}, **QUICK) == found
 
 
+def test_what_a_variant_sets_is_not_searched_for() -> None:
+    name, options = read_options(tune("combinator-trimmed", "transit", **QUICK).controller)
+    assert (name, set(options)) == ("combinator-trimmed", {"response_s"})
+
+
 def test_what_a_search_cannot_do_is_refused() -> None:
     with pytest.raises(ControllerError, match="unknown controller 'helm'"):
         tune("helm", "acceleration", **QUICK)
