@@ -1,7 +1,7 @@
 """Observers as what a policy sees: does an estimate of the advance velocity earn it more?
 
-Run ``python -m shaftline.studies.observer_features --out docs/results``; two hours on two cores. What is
-trained and sailed is kept, so an interrupted run goes on where it stopped.
+Run ``python -m shaftline.studies.observer_features --out docs/results``; half an hour on two cores. What
+is trained and sailed is kept, so an interrupted run goes on where it stopped.
 """
 
 from __future__ import annotations
