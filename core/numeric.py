@@ -23,6 +23,12 @@ def clip(value: Real, low: Real, high: Real) -> Real:
 
 
 @compiled
+def modulus(value: Real) -> Real:
+    """``value`` or its negative, whichever has a real part that is not negative."""
+    return value if value.real >= 0.0 else -value
+
+
+@compiled
 def piecewise_linear(
     knots: NDArray[np.float64], values: NDArray[np.float64], count: int, x: Real
 ) -> Real:

@@ -18,6 +18,7 @@ from ..core.compiled import Record, compiled
 from ..observers.base import Measurement
 from ..observers.registry import update
 from ..plant.cavitation import effective_attack, outside_bucket
+from ..plant.state import get_state
 from ..plant.stepping import Disturbance, observe, step
 from ..plant.term_kernel import NO_SIGNALS
 from ..plant.waves import inflow_ahead
@@ -82,10 +83,8 @@ def waves_ahead(
         found: filled, shape (n, k), the first entry with the present inflow.
     """
     for i in range(len(environments)):
-        state = environments[i].state
-        inflow_ahead(
-            environments[i].sea, time[i], state.position, state.ship_speed, every_s, found[i]
-        )
+        now = get_state(environments[i].state)
+        inflow_ahead(environments[i].sea, time[i], now, every_s, found[i])
 
 
 @compiled
@@ -125,7 +124,7 @@ def first_observation(
         env = environments[i]
         state, episode = env.state, env.episode
         outputs = observe(
-            env.plant, state, env.memory, env.sea, episode.pitch_command,
+            env.plant, state, env.memory, env.sea, episode.pitch_command, 0.0,
             disturbance(episode, 0.0), dt,
         )  # fmt: skip
         episode.gauge_torque = episode.mean_torque = outputs.shaft_torque
@@ -213,7 +212,7 @@ def control_interval(
             swing = swing * half_step * half_step
             end = _swung(episode, swing)
             outputs = step(
-                plant, state, memory, env.sea, drive, pitch, start, middle, end, dt,
+                plant, state, memory, env.sea, drive, pitch, 0.0, start, middle, end, dt,
             )  # fmt: skip
             torque_before = episode.gauge_torque
             episode.gauge_torque = outputs.shaft_torque

@@ -32,7 +32,9 @@ Ints = NDArray[np.int64]
 CHANNELS = tuple(MEASURED)
 """Columns that readings are compared with; a channel is a place here."""
 
-_PITCH, _SPEED, _TORQUE, _LOG, _THRUST = range(5)
+(_PITCH, _SPEED, _TORQUE, _LOG, _THRUST, _CURRENT, _ANGLE, _SWAY, _YAW, _HEADING, _RUDDER) = range(
+    len(CHANNELS)
+)
 
 
 class Model(NamedTuple):
@@ -67,6 +69,7 @@ class Course(NamedTuple):
 
     drive: Floats
     pitch: Floats
+    rudder: Floats
     inflow: Floats
     elevation: Floats
     signals: Floats  # from outside, shape (2 steps + 1 or 1, MAX_SIGNALS)
@@ -87,7 +90,17 @@ def _reading(plant: Record, state: State, outputs: Outputs, channel: int) -> Rea
         return state.ship_speed
     if channel == _THRUST:
         return outputs.thrust
-    return outputs.motor_current
+    if channel == _CURRENT:
+        return outputs.motor_current
+    if channel == _ANGLE:
+        return state.shaft_angle
+    if channel == _SWAY:
+        return state.sway_speed
+    if channel == _YAW:
+        return state.yaw_rate
+    if channel == _HEADING:
+        return state.heading
+    return state.rudder_angle
 
 
 @compiled
@@ -120,8 +133,9 @@ def _disturbed(inputs: Inputs, more: Real) -> Inputs:
     """The same with more inflow [m/s]."""
     return Inputs(
         inputs.drive, inputs.pitch_command, inputs.inflow + more, inputs.inflow_slope,
-        inputs.inflow_position, inputs.elevation, inputs.resistance_factor, inputs.time,
-        inputs.drive_rate, inputs.head_sea, inputs.outside,
+        inputs.inflow_place, inputs.wave_along, inputs.wave_across, inputs.elevation,
+        inputs.resistance_factor, inputs.time, inputs.drive_rate, inputs.head_sea,
+        inputs.rudder_command, inputs.outside,
     )  # fmt: skip
 
 
@@ -197,10 +211,11 @@ def _acts(
     at = 2 * step + edge
     command = course.pitch[min(step, len(course.pitch) - 1)]
     factor = episode_factor(plant, memory.cursor * course.dt, course.dt)
+    helm = course.rudder[min(step, len(course.rudder) - 1)]
     inflow, elevation = course.inflow[at], course.elevation[at]
     return Inputs(
-        memory.rack, command, inflow, 0.0, 0.0, elevation, factor, time, 0.0,
-        0.0, outside_at(course.signals, at),
+        memory.rack, command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, factor, time, 0.0,
+        0.0, helm, outside_at(course.signals, at),
     )  # fmt: skip
 
 

@@ -181,8 +181,8 @@ class ShipFilter:
         readings = np.column_stack([table[c].to_numpy(dtype=np.float64) for c in self.columns])
         readings = np.ascontiguousarray(readings[:rows])
         course = Course(
-            replay.drive, replay.pitch, inflow, replay.elevation, replay.signals, replay.per_row,
-            replay.dt,
+            replay.drive, replay.pitch, replay.rudder, inflow, replay.elevation, replay.signals,
+            replay.per_row, replay.dt,
         )  # fmt: skip
         shape = (len(readings), len(self.z))
         estimates, variances = np.empty(shape), np.empty(shape)

@@ -8,6 +8,7 @@ from .signals import RECORDED_SIGNALS, SIGNALS
 
 TIME = "time_s"
 SHAFT_SPEED, SHAFT_ANGLE = "shaft_speed_rad_s", "shaft_angle_rad"
+RUDDER_COMMAND, RUDDER = "rudder_command_rad", "rudder_rad"
 
 DEMANDS = tuple(drive.demand for drive in DRIVES)
 """Signal by which each kind of prime mover is driven."""
@@ -23,6 +24,7 @@ COLUMNS = (
     TIME, *_DEMANDS, "pitch_ratio_command", "pitch_ratio",
     SHAFT_SPEED, SHAFT_ANGLE, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
     "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", "inflow_velocity_m_s",
+    RUDDER_COMMAND, RUDDER, "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad",
 )  # fmt: skip
 """Canonical columns of a recording; demands first, then what was measured."""
 
@@ -34,8 +36,15 @@ MEASURED = {
     "thrust_N": "thrust",
     "motor_current_A": "motor_current",
     SHAFT_ANGLE: "shaft_angle",
+    "sway_speed_m_s": "sway_speed",
+    "yaw_rate_rad_s": "yaw_rate",
+    "heading_rad": "heading",
+    RUDDER: "rudder_angle",
 }
 """Measured columns and the simulated signal that answers each."""
+
+IN_A_TURN = tuple(MEASURED)[7:]
+"""Columns that a ship has that turns."""
 
 ON_ANY_SHIP = tuple(MEASURED)[:4]
 """Columns that a simulation always has; the rest where the recording has them."""
@@ -50,6 +59,7 @@ def answered_columns(ship: Ship) -> list[str]:
     """Measured columns that a simulation of the ship answers."""
     none = set() if ship.has_propeller else {"thrust_N"}
     none |= set() if ship.turns_freely else {SHAFT_SPEED, SHAFT_ANGLE}
+    none |= set() if ship.turns else set(IN_A_TURN)
     return [column for column in MEASURED if column not in none]
 
 

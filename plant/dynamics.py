@@ -13,7 +13,10 @@ from ..core.compiled import Real, Record, compiled
 from .actuators import blade_pitch, pitch_rate
 from .drives import Driving, driven, holding_torque
 from .hull import resistance, wake_inflow, water_speed, wave_resistance
+from .kinematics import over_ground
+from .manoeuvring import drift_inflow, hull_forces, planar_acceleration, through_water
 from .propeller import propeller_load
+from .rudder import rudder_angle, rudder_forces, rudder_rate
 from .shaft import brake_torque_of, drive_torque, gauge_torque, load_torque, shaft_inertia
 from .state import (
     LAGGING,
@@ -45,6 +48,11 @@ class Loads(NamedTuple):
     load_torque: Real  # on the shaft behind it [N m]
     push: Real  # of all propellers on the hull [N]
     resistance: Real  # R [N]
+    ahead: Real  # u through the water [m/s]
+    across: Real  # v through the water [m/s]
+    surge_force: Real  # of hull and rudder in a turn, beside the resistance [N]
+    side_force: Real  # Y [N]
+    yaw_moment: Real  # N [N m]
     inflow_rate: Real  # [m/s2]
     brake_torque_rate: Real  # [N m/s]
     motor_current_rate: Real  # [A/s]
@@ -72,15 +80,22 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     if plant.speed_held != 0:
         omega = inputs.drive
     # propeller in the wake
-    speed = water_speed(plant, state.ship_speed)
-    kinematic = wake_inflow(plant, speed) + inputs.inflow
-    kinematic = kinematic + inputs.inflow_slope * (state.position - inputs.inflow_position)
+    speed, across = water_speed(plant, state.ship_speed), 0.0
+    if plant.turns != 0:
+        speed, across = through_water(plant, state.ship_speed, state.sway_speed, state.heading)
+    kinematic = wake_inflow(plant, speed)
+    if plant.turns != 0:
+        kinematic = kinematic * drift_inflow(plant, speed, across, state.yaw_rate)
+    kinematic = kinematic + inputs.inflow
+    place = state.position * inputs.wave_along + state.cross_track * inputs.wave_across
+    kinematic = kinematic + inputs.inflow_slope * (place - inputs.inflow_place)
     submergence = plant.depth + inputs.elevation
     demand = inputs.drive
     states = (state.term_1, state.term_2, state.term_3)
+    rudder = rudder_angle(plant, state.rudder_angle, inputs.rudder_command)
     heard = Heard(
         omega, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
-        submergence, inputs.time,
+        submergence, inputs.time, state.sway_speed, state.yaw_rate, state.heading, rudder,
     )  # fmt: skip
     if plant.term_early > 0:
         before = added_before(plant, heard, states, inputs.outside)
@@ -104,6 +119,11 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     if plant.wave_drag_length.real > 0.0:
         drag = drag + wave_resistance(plant, inputs.head_sea)
     thrust = load.thrust
+    surge_force = side_force = yaw_moment = 0.0
+    if plant.turns != 0:
+        surge_force, side_force, yaw_moment = hull_forces(plant, speed, across, state.yaw_rate)
+        x, y, n = rudder_forces(plant, rudder, kinematic, thrust, across, state.yaw_rate)
+        surge_force, side_force, yaw_moment = surge_force + x, side_force + y, yaw_moment + n
     added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0
     if plant.term_count > 0:
         loaded = Loaded(
@@ -115,6 +135,8 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         drive = drive + more.drive_torque
         load_behind = load_behind + more.load_torque
         drag = drag + more.resistance
+        side_force = side_force + more.side_force
+        yaw_moment = yaw_moment + more.yaw_moment
         added_pitch_rate = more.pitch_rate
         term_rate_1, term_rate_2, term_rate_3 = more.rate_1, more.rate_2, more.rate_3
     push = plant.propellers * (1.0 - plant.thrust_deduction) * thrust  # eq. 2-6
@@ -135,6 +157,11 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         load_behind,
         push,
         drag,
+        speed,
+        across,
+        surge_force,
+        side_force,
+        yaw_moment,
         inflow_rate,
         mover.brake_torque_rate,
         mover.current_rate,
@@ -162,12 +189,24 @@ def evaluate(
     """
     blade = blade_pitch(plant, state.pitch_ratio, blade_before)
     acting = loads(plant, state, inputs, blade)
-    acceleration = (acting.drive_torque - acting.load_torque) * (1.0 / shaft_inertia(plant))  # 2-1
-    if plant.speed_held != 0:
-        acceleration = inputs.drive_rate
+    acceleration = inputs.drive_rate
+    if plant.speed_held == 0:  # eq. 2-1
+        acceleration = (acting.drive_torque - acting.load_torque) * (1.0 / shaft_inertia(plant))
     ship_acceleration = (acting.push - acting.resistance) * (1.0 / plant.mass)  # eq. 2-2
     if plant.hull_fixed != 0:
         ship_acceleration = 0.0
+    track_rate, cross_rate = state.ship_speed, 0.0
+    sway_acceleration = yaw_acceleration = turning_rate = helm_rate = 0.0
+    if plant.turns != 0:
+        track_rate, cross_rate = over_ground(state)
+        turning_rate = state.yaw_rate
+        ship_acceleration, sway_acceleration, yaw_acceleration = planar_acceleration(
+            plant, acting.ahead, acting.across, state.yaw_rate, state.heading,
+            acting.push - acting.resistance + acting.surge_force, acting.side_force,
+            acting.yaw_moment,
+        )  # fmt: skip
+        if plant.rudder_lag.real > 0.0:
+            helm_rate = rudder_rate(plant, inputs.rudder_command, state.rudder_angle)
     blade_rate = pitch_rate(plant, inputs.pitch_command, state.pitch_ratio)
     if plant.term_count > 0:
         blade_rate = blade_rate + acting.added_pitch_rate
@@ -179,7 +218,7 @@ def evaluate(
             pitch_ratio=blade_rate,
             shaft_speed=acceleration,
             ship_speed=ship_acceleration,
-            position=state.ship_speed,
+            position=track_rate,
             brake_torque=acting.brake_torque_rate,
             charge=acting.charge_rate,
             warmth=acting.warmth_rate,
@@ -187,6 +226,11 @@ def evaluate(
             ventilation=air_rate,
             motor_current=acting.motor_current_rate,
             shaft_angle=acting.shaft_speed,
+            sway_speed=sway_acceleration,
+            yaw_rate=yaw_acceleration,
+            heading=turning_rate,
+            cross_track=cross_rate,
+            rudder_angle=helm_rate,
             term_1=acting.term_rate_1,
             term_2=acting.term_rate_2,
             term_3=acting.term_rate_3,

@@ -18,6 +18,7 @@ INF = math.inf
 LACKING = {
     "has_propeller": "has no propeller",
     "moves": "has a hull that is fixed",
+    "turns": "does not turn: it has no manoeuvring.length_m",
     "turns_freely": "has a shaft whose speed is held",
     "meets_water": "has neither a propeller nor a hull that moves",
     "has_variable_pitch": "has a fixed pitch",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import control
@@ -23,6 +24,9 @@ INPUTS = {
 }
 """Inputs of the linear model, in order: P/D command, rack (voltage, torque, speed), d_c1, u_x."""
 
+STEERED = {**INPUTS, "rudder_command": "rudder_command"}
+"""Those of a ship that turns."""
+
 
 def linearise(
     ship: Ship,
@@ -37,7 +41,8 @@ def linearise(
         outputs: names of states or of algebraic outputs.
 
     Returns:
-        State-space system with named states, the four inputs of :data:`INPUTS` and the outputs.
+        State-space system with named states, the inputs of :data:`INPUTS`, or :data:`STEERED` of a ship
+        that turns, and the outputs.
         Dead time and the rack's rate limit lie outside the differential equations and are left out;
         inside a dead band or backlash the pitch does not answer, and its derivative is 0.
 
@@ -49,10 +54,13 @@ def linearise(
     """
     plant = ship.record()
     states = active_states(plant)
-    found = tangent(plant, point.state, point.inputs, point.outputs.pitch_ratio, states, outputs)
+    by = STEERED if ship.turns else INPUTS
+    found = tangent(
+        plant, point.state, point.inputs, point.outputs.pitch_ratio, states, outputs, by
+    )
     return control.ss(
         found.a, found.b, found.c, found.d,
-        states=states, inputs=list(INPUTS), outputs=list(outputs), name=ship.name,
+        states=states, inputs=list(by), outputs=list(outputs), name=ship.name,
     )  # fmt: skip
 
 
@@ -62,9 +70,9 @@ class Tangent(NamedTuple):
     rates: NDArray[np.float64]  # of the states, shape (n,); 0 in a steady state
     values: NDArray[np.float64]  # of the outputs, shape (p,)
     a: NDArray[np.float64]  # rates by states, shape (n, n)
-    b: NDArray[np.float64]  # rates by the inputs of :data:`INPUTS`, shape (n, 4)
+    b: NDArray[np.float64]  # rates by the inputs, shape (n, m)
     c: NDArray[np.float64]  # outputs by states, shape (p, n)
-    d: NDArray[np.float64]  # outputs by inputs, shape (p, 4)
+    d: NDArray[np.float64]  # outputs by inputs, shape (p, m)
 
 
 def tangent(
@@ -74,6 +82,7 @@ def tangent(
     blade: Any,
     states: Sequence[str],
     outputs: Sequence[str],
+    by: Mapping[str, str] = MappingProxyType(INPUTS),
 ) -> Tangent:
     """Rates and outputs with their derivatives, by complex steps.
 
@@ -84,6 +93,7 @@ def tangent(
         blade: pitch ratio of the blades before [-], of a mechanism that has play.
         states: names of those that move.
         outputs: names of states or of algebraic outputs.
+        by: inputs, by their names; the values are fields of :class:`Inputs`.
 
     Raises:
         ValueError: an output that does not exist.
@@ -114,7 +124,7 @@ def tangent(
     rates, values = (np.array(part).real for part in found(here, acts))
     by_states = [found(here._replace(**{n: getattr(here, n) + 1j * STEP}), acts) for n in states]
     by_inputs = [
-        found(here, acts._replace(**{n: getattr(acts, n) + 1j * STEP})) for n in INPUTS.values()
+        found(here, acts._replace(**{n: getattr(acts, n) + 1j * STEP})) for n in by.values()
     ]
     return Tangent(
         rates, values, slopes(by_states, 0), slopes(by_inputs, 0), slopes(by_states, 1),

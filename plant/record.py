@@ -12,16 +12,18 @@ from .cavitation import CavitationBucket
 from .drives import DRIVES
 from .hull import Hull
 from .keys import Section, record_field
+from .manoeuvring import Manoeuvring
 from .memory import Sensors
 from .propeller import Propeller
+from .rudder import Rudder
 from .shaft import Transmission
 from .surroundings import Integration, Water
 from .terms import RECORD_FIELDS, Term, add_term
 from .ventilation import Ventilation
 
 SECTIONS: tuple[type[Section], ...] = (
-    Water, Hull, Propeller, Ventilation, CavitationBucket, *DRIVES, Transmission, PitchActuator,
-    Sensors, Integration,
+    Water, Hull, Manoeuvring, Rudder, Propeller, Ventilation, CavitationBucket, *DRIVES, Transmission,
+    PitchActuator, Sensors, Integration,
 )  # fmt: skip
 """Every section whose numbers the kernels read."""
 

@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from .columns import (
+    IN_A_TURN,
     MEASURED,
     ON_ANY_SHIP,
+    RUDDER,
+    RUDDER_COMMAND,
     SHAFT_ANGLE,
     SHAFT_SPEED,
     TIME,
@@ -58,7 +61,8 @@ class Replay:
 
     Demands are held between rows, or drawn as a straight line if so asked: a logged command of a
     controller holds, a force that was measured, or a command of which a log keeps few rows, does not. A
-    speed at which the shaft is held is linear between rows, as are submergence and measured inflow. The
+    speed at which the shaft is held is linear between rows, as are submergence and measured inflow. A
+    rudder angle that was measured and not commanded is what the rudder does, whatever its gear. The
     inflow at the propeller is then the measured one, whatever wake
     or current the ship's record has.
 
@@ -96,6 +100,12 @@ class Replay:
             self.command = self._column("pitch_ratio_command")
         between = self._drawn if line else self._held
         self.drive, self.pitch = between(self.drive_rows), between(self.command)
+        self.helm_measured = ship.turns and RUDDER_COMMAND not in table and RUDDER in table
+        helm = RUDDER if self.helm_measured else RUDDER_COMMAND
+        self.rudder_rows = np.zeros(self.rows)
+        if ship.turns and helm in table:
+            self.rudder_rows = self._column(helm)
+        self.rudder = (self._drawn if line or self.helm_measured else self._held)(self.rudder_rows)
         if not ship.turns_freely:  # led from each measured speed to the next
             ends = self.dt * np.arange(1.0, len(self.drive) + 1.0)
             self.drive = np.interp(ends, self.time_s, self.drive_rows)
@@ -110,10 +120,11 @@ class Replay:
             self._speed = self._column("ship_speed_m_s")
         self.elevation = self._continuous(self.elevation_rows)
         self.resistance_factor = np.ones(2 * len(self.drive) + 1)
-        self.channels = [column for column in answered_columns(ship) if column in table]
+        answered = [c for c in answered_columns(ship) if not (c == RUDDER and self.helm_measured)]
+        self.channels = [column for column in answered if column in table]
         over = max(1, min(round(start_over_s / self.interval_s), self.rows // 20))
         self.start = self._first_state(over)
-        self.start_angle = self._turning(max(over, 3))[0] if SHAFT_ANGLE in table else 0.0
+        self._beside = self._first_beside(over)
         heard = (name for name in ship.signals if name in table)
         self.signals = ship.outside_rows({n: self._continuous(self._column(n)) for n in heard})
         self._still = np.zeros(2 * len(self.drive) + 1)
@@ -172,6 +183,19 @@ class Replay:
         pitch, shaft, speed = (first[column] for column in _START)
         return pitch, shaft, speed
 
+    def _first_beside(self, count: int) -> dict[str, float]:
+        """Shaft angle, and sway, yaw, heading and rudder of a ship that turns, to start from."""
+        first = {}
+        if SHAFT_ANGLE in self.table:
+            first["shaft_angle"] = self._turning(max(count, 3))[0]
+        if self.ship.turns:
+            measured = [column for column in IN_A_TURN if column in self.table]
+            first |= {MEASURED[c]: float(self._column(c)[:count].mean()) for c in measured}
+            first["rudder_angle"] = float(self.rudder[0])
+            if "sway_speed" not in first:  # carried along by the current
+                first["sway_speed"] = self.ship.manoeuvring.cross_current_m_s
+        return first
+
     def _turning(self, count: int) -> tuple[float, float]:
         """Angle [rad] and speed [rad/s] of the shaft at the first row, by a parabola through some."""
         angle = self._column(SHAFT_ANGLE)[:count]
@@ -200,13 +224,14 @@ class Replay:
     def first_state(self, start: tuple[float, ...] | None = None) -> State:
         """State at the first row, what lags not yet settled; ``self.start`` where none is given."""
         bare = State(*map(float, self.start if start is None else start))
-        return bare._replace(shaft_angle=self.start_angle)
+        return bare._replace(**self._beside)
 
     def first_inputs(self, inflow: NDArray[np.float64]) -> Inputs:
         """What acts at the first row, under an :meth:`inflow`."""
         return Inputs(
             float(self.drive[0]), float(self.pitch[0]), float(inflow[0]),
-            elevation=float(self.elevation[0]), outside=outside_at(self.signals, 0),
+            elevation=float(self.elevation[0]), rudder_command=float(self.rudder[0]),
+            outside=outside_at(self.signals, 0),
         )  # fmt: skip
 
     def simulate(
@@ -226,6 +251,9 @@ class Replay:
     ) -> NDArray[Any]:
         """The same, in memory that the thread's next simulation fills anew."""
         inflow = self.inflow(plant)
+        if self.helm_measured:
+            plant = plant.copy()
+            plant["rudder_lag"] = 0.0
         state = np.zeros(1, STATE)
         state[0] = tuple(settled(plant, self.first_state(start), self.first_inputs(inflow)))
         steps = len(self.drive)
@@ -234,7 +262,7 @@ class Replay:
         samples: NDArray[Any] = _own.samples[: steps + 1]
         trajectory(
             plant, state[0], np.zeros(1, MEMORY)[0], calm() if sea is None else sea.copy(),
-            self.drive, self.pitch, inflow, self.elevation,
+            self.drive, self.pitch, self.rudder, inflow, self.elevation,
             self.resistance_factor, self.signals, self.dt, samples,
         )  # fmt: skip
         return np.asarray(samples[:: self.per_row])
@@ -257,12 +285,14 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
         RecordingError: as of :class:`Replay`.
         ShipError: likewise.
     """
-    samples = Replay(ship, recording).simulate(ship.record(), sea=sea)
-    given = [*input_columns(ship), *WATER, *sorted(ship.signals)]
+    replay = Replay(ship, recording)
+    samples = replay.simulate(ship.record(), sea=sea)
+    helm = [RUDDER] if replay.helm_measured else [RUDDER_COMMAND]
+    given = [*input_columns(ship), *WATER, *helm, *sorted(ship.signals)]
     columns: dict[str, Any] = {c: recording[c] for c in given if c in recording}
     columns |= {
         c: samples[MEASURED[c]]
         for c in answered_columns(ship)
-        if c in ON_ANY_SHIP or c in recording
+        if c not in columns and (c in ON_ANY_SHIP or c in IN_A_TURN or c in recording)
     }
     return pd.DataFrame(columns)

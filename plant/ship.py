@@ -27,9 +27,12 @@ from .keys import (
     require,
     required_when,
 )
+from .manoeuvring import WITH as MANOEUVRING
+from .manoeuvring import Manoeuvring, planar_inertia
 from .memory import HISTORY, Sensors
 from .propeller import Propeller
-from .record import record_of
+from .record import PLANT, record_of
+from .rudder import Rudder
 from .shaft import UNLESS_HELD, Transmission
 from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
@@ -49,6 +52,8 @@ class Ship(Section):
     description: str = ""
     water: Water = Water()
     hull: Hull
+    manoeuvring: Manoeuvring = Manoeuvring()
+    rudder: Rudder = Rudder()
     propeller: Propeller
     ventilation: Ventilation = Ventilation()
     cavitation_bucket: CavitationBucket = CavitationBucket()
@@ -107,12 +112,41 @@ class Ship(Section):
                     f"term {term.id!r} acts on nothing: acts_on = {term.acts_on!r} on a shaft whose "
                     "speed is held"
                 )
+            if term.acts_on in ("side_force", "yaw_moment") and not self.turns:
+                raise ValueError(
+                    f"term {term.id!r} acts on nothing: acts_on = {term.acts_on!r} on a ship without "
+                    "a manoeuvring.length_m"
+                )
+        self._turns_as_it_can()
         what, constant = self.prime_mover.time_constant
         if step > constant:
             raise ValueError(
                 f"integration.time_step_s = {step} s must not exceed {what} = {constant:.3g} s"
             )
         return self
+
+    def _turns_as_it_can(self) -> None:
+        if self.rudder.area_m2 > 0.0 and not self.turns:
+            raise ValueError("rudder.area_m2 acts on nothing without a manoeuvring.length_m")
+        if not self.turns:
+            return
+        if not self.moves:
+            raise ValueError("manoeuvring.length_m asks for a hull that is not fixed")
+        require(self.water, ("density_kg_m3",), MANOEUVRING, "water.")
+        if self.hull.mass_kg < self.manoeuvring.displacement_kg:
+            raise ValueError(
+                f"hull.mass_kg = {self.hull.mass_kg:g} kg, with added mass, is less than "
+                f"manoeuvring.displacement_kg = {self.manoeuvring.displacement_kg:g} kg without"
+            )
+        plant = np.zeros(1, PLANT)[0]
+        for section in (self.water, self.hull, self.manoeuvring):
+            section.fill(plant)
+        sway, sway_yaw, yaw_sway, yaw = planar_inertia(plant)
+        if not sway * yaw > sway_yaw * yaw_sway:
+            raise ValueError(
+                "manoeuvring: sway and yaw have no inertia of their own: Y_rdot and N_vdot (with "
+                "centre_of_gravity_m) are too large beside Y_vdot and N_rdot"
+            )
 
     @property
     def time_step_s(self) -> float:
@@ -190,6 +224,11 @@ class Ship(Section):
     def has_variable_pitch(self) -> bool:
         """Whether its blades turn."""
         return self.propeller.pitch_ratio_min < self.propeller.pitch_ratio_max
+
+    @property
+    def turns(self) -> bool:
+        """Whether it sways and yaws."""
+        return self.manoeuvring.length_m > 0.0
 
     @property
     def moves(self) -> bool:

@@ -65,6 +65,17 @@ SIGNALS = (
            "distance along the track"),
     Signal("shaft_angle", "theta", "rad", -math.inf, math.inf, "sensor", "shaft_angle_rad",
            "angle turned by the propeller shaft, counted on beyond a turn"),
+    Signal("rudder_command", "delta_d", "rad", -1.6, 1.6, "demand", "rudder_command_rad",
+           "commanded rudder angle, positive turns to starboard"),
+    Signal("rudder_angle", "delta", "rad", -1.6, 1.6, "sensor", "rudder_rad", "rudder angle"),
+    Signal("sway_speed", "v", "m/s", -40, 40, "sensor", "sway_speed_m_s",
+           "speed of midship to starboard, over ground"),
+    Signal("yaw_rate", "r", "rad/s", -10, 10, "sensor", "yaw_rate_rad_s",
+           "rate of turn, positive to starboard"),
+    Signal("heading", "psi", "rad", -math.inf, math.inf, "sensor", "heading_rad",
+           "heading to starboard of the first course, counted on beyond a turn"),
+    Signal("cross_track", "y", "m", -math.inf, math.inf, "truth", "cross_track_m",
+           "distance to starboard of the first course"),
 )  # fmt: skip
 
 CONTROL_SIGNALS = (

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from .memory import MEMORY
+from .rudder import rudder_angle
 from .ship import Ship
 from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
@@ -22,10 +23,12 @@ from .waves import calm
 
 @compiled
 def _write(
+    plant: Record,
     sample: Record,
     time: float,
     drive: float,
     pitch_command: float,
+    rudder_command: float,
     state: State,
     memory: Record,
     speed_log: float,
@@ -34,6 +37,7 @@ def _write(
     sample.time = time
     sample.drive = drive
     sample.pitch_command = pitch_command
+    sample.rudder_command = rudder_command
     sample.pitch_ratio = outputs.pitch_ratio
     sample.shaft_speed = state.shaft_speed
     sample.shaft_torque = outputs.shaft_torque
@@ -53,6 +57,11 @@ def _write(
     sample.ventilation = state.ventilation
     sample.position = state.position
     sample.shaft_angle = state.shaft_angle
+    sample.sway_speed = state.sway_speed
+    sample.yaw_rate = state.yaw_rate
+    sample.heading = state.heading
+    sample.cross_track = state.cross_track
+    sample.rudder_angle = rudder_angle(plant, state.rudder_angle, rudder_command)
 
 
 @compiled
@@ -63,6 +72,7 @@ def trajectory(
     sea: Record,
     drive: NDArray[np.float64],
     pitch_command: NDArray[np.float64],
+    rudder_command: NDArray[np.float64],
     inflow: NDArray[np.float64],
     elevation: NDArray[np.float64],
     resistance_factor: NDArray[np.float64],
@@ -79,6 +89,7 @@ def trajectory(
         sea: SEA record, changed in place.
         drive: demand of each step [mm | V | N m], shape (n,).
         pitch_command: commanded P/D of each step [-], shape (n,).
+        rudder_command: commanded rudder angle of each step [rad], shape (n,).
         inflow: u_x [m/s] at the steps' starts and middles and the last one's end, shape (2 n + 1,).
         elevation: of the surface above the propeller [m], likewise.
         resistance_factor: d_c1 [-], likewise.
@@ -101,22 +112,30 @@ def trajectory(
             sea,
             drive[k],
             pitch_command[k],
+            rudder_command[k],
             Disturbance(inflow[a], elevation[a], resistance_factor[a], outside_at(signals, a)),
             Disturbance(inflow[b], elevation[b], resistance_factor[b], outside_at(signals, b)),
             Disturbance(inflow[c], elevation[c], resistance_factor[c], outside_at(signals, c)),
             dt,
         )
-        _write(samples[k], k * dt, drive[k], pitch_command[k], now, memory, log, outputs)
+        _write(
+            plant, samples[k], k * dt, drive[k], pitch_command[k], rudder_command[k], now, memory,
+            log, outputs,
+        )  # fmt: skip
     last = steps - 1
     finish = Disturbance(
         inflow[-1], elevation[-1], resistance_factor[-1], outside_at(signals, 2 * steps)
     )
-    outputs = observe(plant, state, memory, sea, pitch_command[last], finish, dt)
+    outputs = observe(
+        plant, state, memory, sea, pitch_command[last], rudder_command[last], finish, dt
+    )
     _write(
+        plant,
         samples[steps],
         steps * dt,
         drive[last],
         pitch_command[last],
+        rudder_command[last],
         get_state(state),
         memory,
         memory.speed_log,
@@ -137,6 +156,7 @@ class Schedule:
         resistance_factor: d_c1 [-].
         elevation: of the surface above the propeller, the sea's apart [m].
         signals: from outside, by name, that the ship's terms hear [as its file says].
+        rudder_command: angle [rad], positive turns to starboard.
     """
 
     drive: Any
@@ -145,6 +165,7 @@ class Schedule:
     resistance_factor: Any = 1.0
     elevation: Any = 0.0
     signals: Mapping[str, Any] = field(default_factory=dict)
+    rudder_command: Any = 0.0
 
 
 def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
@@ -205,6 +226,7 @@ def simulate(
         calm() if sea is None else sea.copy(),
         _sampled(schedule.drive, grid, "drive"),
         _sampled(schedule.pitch_command, grid, "pitch_command"),
+        _sampled(schedule.rudder_command, grid, "rudder_command"),
         _sampled(schedule.inflow, half_grid, "inflow"),
         _sampled(schedule.elevation, half_grid, "elevation"),
         _sampled(schedule.resistance_factor, half_grid, "resistance_factor"),

@@ -22,6 +22,9 @@ class Where(NamedTuple):
     exists: Callable[[Record], bool]
 
 
+TURNS = Where(lambda plant: plant["turns"] != 0)
+
+
 class Lag(NamedTuple):
     """A state that follows the others with a lag, and is there where the lag is above 0."""
 
@@ -49,6 +52,12 @@ class State(NamedTuple):
     # of a diesel whose torque waits for air, or for its parts to warm: shares of those at rated power
     charge: Annotated[Real, Lag("charge_lag", 1e-3, after=True)] = 0.0  # [-]
     warmth: Annotated[Real, Lag("warmth_lag", 1e-3, after=True)] = 0.0  # [-]
+    # of a ship that turns
+    sway_speed: Annotated[Real, TURNS] = 0.0  # to starboard, over ground [m/s]
+    yaw_rate: Annotated[Real, TURNS] = 0.0  # to starboard [rad/s]
+    heading: Annotated[Real, TURNS] = 0.0  # to starboard of the first course [rad]
+    cross_track: Annotated[Real, Where(lambda plant: False)] = 0.0  # to starboard of it [m]
+    rudder_angle: Annotated[Real, Lag("rudder_lag")] = 0.0  # positive turns to starboard [rad]
     # of terms that have one, in their order
     term_1: Annotated[Real, Where(lambda plant: plant["term_states"] > 0)] = 0.0
     term_2: Annotated[Real, Where(lambda plant: plant["term_states"] > 1)] = 0.0
@@ -196,20 +205,26 @@ class Inputs(NamedTuple):
     drive: Real  # fuel rack [mm], voltage [V], torque [N m] or speed [rad/s]
     pitch_command: Real  # P/D [-]
     inflow: Real = 0.0  # disturbance u_x of the advance velocity [m/s]
-    inflow_slope: float = 0.0  # of the wave field along the track [1/s]
-    inflow_position: float = 0.0  # where ``inflow`` holds [m]
+    inflow_slope: float = 0.0  # of the wave field along the waves' travel [1/s]
+    inflow_place: float = 0.0  # along it, where ``inflow`` holds [m]
+    wave_along: float = 0.0  # cosine of the waves' travel's angle to a heading of 0 [-]
+    wave_across: float = 0.0  # its sine [-]
     elevation: Real = 0.0  # of the surface above the propeller [m]
     resistance_factor: Real = 1.0  # d_c1 [-]
     time: Real = 0.0  # since the start [s]
     drive_rate: Real = 0.0  # of a speed that is held [rad/s2]
     head_sea: Real = 0.0  # significant height squared of waves from ahead [m2]
+    rudder_command: Real = 0.0  # [rad]
     outside: tuple[Real, ...] = NO_SIGNALS  # signals from outside that terms hear
 
 
 @compiled
 def steady_inputs(drive: Real, pitch_command: Real, inflow: Real, elevation: Real) -> Inputs:
     """What acts with nothing else beside these, for kernels, where a tuple's defaults do not act."""
-    return Inputs(drive, pitch_command, inflow, 0.0, 0.0, elevation, 1.0, 0.0, 0.0, 0.0, NO_SIGNALS)
+    return Inputs(
+        drive, pitch_command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, 1.0, 0.0, 0.0, 0.0, 0.0,
+        NO_SIGNALS,
+    )  # fmt: skip
 
 
 class Outputs(NamedTuple):

@@ -57,7 +57,8 @@ def equilibrium(
     blade += float(plant["pitch_actuator_offset"])
 
     def complete(shaft_speed: float, ship_speed: float) -> State:
-        state = settled(plant, State(blade, shaft_speed, ship_speed), inputs)
+        bare = State(blade, shaft_speed, ship_speed, sway_speed=float(plant["cross_current"]))
+        state = settled(plant, bare, inputs)
         if plant["term_count"] > 0:
             # what acts on the actuator keeps the blades away from the command
             rate, _ = evaluate(plant, state, inputs, blade, False)

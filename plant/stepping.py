@@ -29,6 +29,8 @@ UNDISTURBED = Disturbance(0.0, 0.0, 1.0)
 def _inputs(
     drive: float,
     pitch_command: float,
+    rudder_command: float,
+    sea: Record,
     disturbance: Disturbance,
     wave: WaveMotion,
     episode: float,
@@ -40,12 +42,15 @@ def _inputs(
         pitch_command,
         disturbance.inflow + wave.inflow,
         wave.inflow_slope,
-        wave.position,
+        wave.place,
+        sea.along,
+        sea.across,
         disturbance.elevation + wave.elevation,
         disturbance.resistance_factor * episode,
         time,
         drive_rate,
         wave.head_sea,
+        rudder_command,
         disturbance.outside,
     )
 
@@ -79,6 +84,7 @@ def step(
     sea: Record,
     drive: float,
     pitch_command: float,
+    rudder_command: float,
     start: Disturbance,
     middle: Disturbance,
     end: Disturbance,
@@ -94,6 +100,7 @@ def step(
         drive: demand on the prime mover [mm | V | N m], held over the step; a speed [rad/s] that is held
             is led to in a straight line, to be reached at the step's end.
         pitch_command: commanded P/D [-], held over the step.
+        rudder_command: commanded rudder angle [rad], held over the step.
         start: disturbance at the step's start, added to the sea's.
         middle: at its middle.
         end: at its end.
@@ -108,23 +115,30 @@ def step(
     time = memory.cursor * dt
     episode = episode_factor(plant, time, dt)
     if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
-        synchronise(sea, time, now.position, now.ship_speed, 0.5 * dt)
-    wave = motion(sea, now.position)
+        synchronise(sea, time, now, 0.5 * dt)
+    wave = motion(sea)
     begins = middles = delivered
     speed_rate = 0.0
     if plant.speed_held != 0:
         begins = now.shaft_speed
         middles = 0.5 * (begins + delivered)
         speed_rate = (delivered - begins) / dt
-    first = _inputs(begins, pitch_command, start, wave, episode, time, speed_rate)
+    first = _inputs(
+        begins, pitch_command, rudder_command, sea, start, wave, episode, time, speed_rate
+    )
     if sea.present != 0:
         pass_half_step(sea)
-        wave = motion(sea, now.position)
-    second = _inputs(middles, pitch_command, middle, wave, episode, time + 0.5 * dt, speed_rate)
+        wave = motion(sea)
+    second = _inputs(
+        middles, pitch_command, rudder_command, sea, middle, wave, episode, time + 0.5 * dt,
+        speed_rate,
+    )  # fmt: skip
     if sea.present != 0:
         pass_half_step(sea)
-        wave = motion(sea, now.position)
-    third = _inputs(delivered, pitch_command, end, wave, episode, time + dt, speed_rate)
+        wave = motion(sea)
+    third = _inputs(
+        delivered, pitch_command, rudder_command, sea, end, wave, episode, time + dt, speed_rate
+    )
     blade = memory.blade_pitch
     ventilated = memory.ventilated != 0
     rate, outputs = evaluate(plant, now, first, blade, ventilated)
@@ -144,15 +158,18 @@ def observe(
     memory: Record,
     sea: Record,
     pitch_command: float,
+    rudder_command: float,
     disturbance: Disturbance,
     dt: float,
 ) -> Outputs:
     """Outputs at the present instant under the last drive input; the instruments read them."""
     now = get_state(state)
-    wave = motion(sea, now.position)
+    wave = motion(sea)
     time = memory.cursor * dt
     episode = episode_factor(plant, time, dt)
-    inputs = _inputs(memory.rack, pitch_command, disturbance, wave, episode, time, 0.0)
+    inputs = _inputs(
+        memory.rack, pitch_command, rudder_command, sea, disturbance, wave, episode, time, 0.0
+    )
     _, outputs = evaluate(plant, now, inputs, memory.blade_pitch, memory.ventilated != 0)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     return outputs
@@ -171,12 +188,14 @@ def prepare(
     """Start at time 0: the sea synchronised, the memories settled on the initial state."""
     now = get_state(state)
     if sea.present != 0:
-        synchronise(sea, 0.0, now.position, now.ship_speed, 0.5 * dt)
-    wave = motion(sea, now.position)
+        synchronise(sea, 0.0, now, 0.5 * dt)
+    wave = motion(sea)
     episode = episode_factor(plant, 0.0, dt)
     stands = drive
     if plant.speed_held != 0:
         stands = now.shaft_speed
-    inputs = _inputs(stands, now.pitch_ratio, disturbance, wave, episode, 0.0, 0.0)
+    inputs = _inputs(
+        stands, now.pitch_ratio, now.rudder_angle, sea, disturbance, wave, episode, 0.0, 0.0
+    )
     _, outputs = evaluate(plant, now, inputs, now.pitch_ratio, False)
     settle(plant, memory, now, outputs, stands, dt)

@@ -34,6 +34,10 @@ class Heard(NamedTuple):
     advance_velocity: Real
     submergence: Real
     time: Real
+    sway_speed: Real
+    yaw_rate: Real
+    heading: Real
+    rudder_angle: Real
 
 
 class Loaded(NamedTuple):
@@ -69,6 +73,8 @@ class Added(NamedTuple):
     load_torque: Real  # [N m]
     resistance: Real  # [N]
     pitch_rate: Real  # [1/s]
+    side_force: Real  # [N]
+    yaw_moment: Real  # [N m]
     rate_1: Real
     rate_2: Real
     rate_3: Real
@@ -121,7 +127,7 @@ def added(
         outside: signals from outside the ship.
     """
     signals = _signals(heard, loaded, states, outside)
-    t = q = m = r = p = rate_1 = rate_2 = rate_3 = signals[0] * 0.0
+    t = q = m = r = p = y = n = rate_1 = rate_2 = rate_3 = signals[0] * 0.0
     for slot in range(plant.term_programs):
         place = plant.term_place[slot]
         if place < BEFORE:
@@ -138,12 +144,16 @@ def added(
         elif place == 6:
             p += value
         elif place == 7:
-            rate_1 += value
+            y += value
         elif place == 8:
+            n += value
+        elif place == 9:
+            rate_1 += value
+        elif place == 10:
             rate_2 += value
         else:
             rate_3 += value
-    return Added(t, q, m, r, p, rate_1, rate_2, rate_3)
+    return Added(t, q, m, r, p, y, n, rate_1, rate_2, rate_3)
 
 
 @compiled
@@ -153,13 +163,16 @@ def _signals(
     """All signals in their order, of one type: complex where any of them is."""
     of_type = 0.0 * (
         heard.shaft_speed + heard.ship_speed + heard.pitch_ratio + heard.pitch_command + heard.drive
-        + heard.advance_velocity + heard.submergence + heard.time + loaded.thrust
+        + heard.advance_velocity + heard.submergence + heard.time + heard.sway_speed
+        + heard.yaw_rate + heard.heading + heard.rudder_angle + loaded.thrust
         + states[0] + states[1] + states[2] + outside[0]
     )  # fmt: skip
     return (
         of_type + heard.shaft_speed, of_type + heard.ship_speed, of_type + heard.pitch_ratio,
         of_type + heard.pitch_command, of_type + heard.drive, of_type + heard.advance_velocity,
-        of_type + heard.submergence, of_type + heard.time, of_type + loaded.thrust,
+        of_type + heard.submergence, of_type + heard.time, of_type + heard.sway_speed,
+        of_type + heard.yaw_rate, of_type + heard.heading, of_type + heard.rudder_angle,
+        of_type + loaded.thrust,
         of_type + loaded.propeller_torque, of_type + loaded.brake_torque,
         of_type + loaded.resistance, of_type + loaded.pitch_rate,
         of_type + states[0], of_type + states[1], of_type + states[2],

@@ -51,6 +51,8 @@ PLACES = {
     "load_torque": "torque that the shaft bears, behind the gauge [N m]",
     "resistance": "resistance of the hull [N]",
     "pitch_rate": "rate of the pitch actuator [1/s]",
+    "side_force": "force on the hull to starboard [N]",
+    "yaw_moment": "moment on the hull to starboard, about midship [N m]",
 }
 """Where a term may act, and what it adds to."""
 
@@ -63,6 +65,10 @@ TERM_SIGNALS = {
     "advance_velocity": "v_a before it lags and terms act on it [m/s]",
     "submergence": "of the propeller's centre [m]",
     "time": "since the start [s]",
+    "sway_speed": "to starboard, over ground [m/s]",
+    "yaw_rate": "to starboard [rad/s]",
+    "heading": "to starboard of the first course [rad]",
+    "rudder_angle": "positive turns to starboard [rad]",
     "thrust": "of one propeller, by its curves [N]",
     "propeller_torque": "M_p, by its curves [N m]",
     "brake_torque": "M_b, by the prime mover's own equations [N m]",
@@ -110,8 +116,9 @@ class TermParameter(BaseModel):
 
 Name: TypeAlias = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
 Place: TypeAlias = Literal[
-    "drive", "inflow_velocity", "thrust", "drive_torque", "load_torque", "resistance", "pitch_rate"
-]
+    "drive", "inflow_velocity", "thrust", "drive_torque", "load_torque", "resistance", "pitch_rate",
+    "side_force", "yaw_moment",
+]  # fmt: skip
 Expression: TypeAlias = Annotated[str, Field(max_length=1000)]
 
 

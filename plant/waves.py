@@ -1,10 +1,10 @@
 """Irregular long-crested seas: a JONSWAP spectrum as a field of space and time.
 
 The field moves past the ship as the ship moves through it, so the frequency of encounter is right at
-any speed and needs no formula. In the kernels the field is worked out ahead for the next ten steps,
-every half step, along the path of a ship that keeps her speed: there each of the 64 components is a
-unit phasor that turns with its encounter frequency. What the ship's position departs from that path is
-followed by the field's slope.
+any speed and on any heading, and needs no formula. In the kernels the field is worked out ahead for the
+next ten steps, every half step, along the path of a ship that keeps her velocity: there each of the 64
+components is a unit phasor that turns with its encounter frequency. What the ship's position departs
+from that path is followed by the field's slope.
 """
 
 from __future__ import annotations
@@ -19,7 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..core.compiled import Record, compiled, compiled_apart, compiled_polynomial, compiled_sum
+from ..core.compiled import (
+    Real,
+    Record,
+    compiled,
+    compiled_apart,
+    compiled_polynomial,
+    compiled_sum,
+)
+from .kinematics import over_ground
+from .state import State
 from .surroundings import GRAVITY
 
 COMPONENTS = 64
@@ -29,24 +38,29 @@ _POINTS = 2 * SYNC_STEPS + 2  # of the path: every half step, both ends, one to 
 
 _BAND_EDGES = np.geomspace(0.55, 4.5, COMPONENTS + 1)  # over the peak frequency
 _LANES = (COMPONENTS,)
-_AHEAD_DEG = 45.0  # to either side of the bow; waves from there add to the resistance
+_AHEAD = math.cos(math.radians(45.0))  # to either side of the bow; waves from there add resistance
 
 SEA = np.dtype(
     [
         ("present", np.int64),
         ("amplitude", np.float64, _LANES),  # of the elevation [m]
-        ("velocity", np.float64, _LANES),  # of the inflow at the propeller [m/s]
-        ("slope", np.float64, _LANES),  # of the inflow along the track, per sine [1/s]
+        ("velocity", np.float64, _LANES),  # against the waves' travel, at the propeller [m/s]
+        ("slope", np.float64, _LANES),  # of the velocity along their travel, per sine [1/s]
         ("frequency", np.float64, _LANES),  # [rad/s], at a fixed point
-        ("wavenumber", np.float64, _LANES),  # along the ship's track [rad/m]
+        ("wavenumber", np.float64, _LANES),  # along their travel, negative [rad/m]
         ("phase", np.float64, _LANES),  # [rad]
-        ("head_sea", np.float64),  # significant height squared of waves from ahead [m2]
-        # along the path, as last synchronised
+        ("along", np.float64),  # cosine of their travel's angle to a heading of 0
+        ("across", np.float64),  # its sine
+        ("height_squared", np.float64),  # Hs^2 [m2]
+        # as last synchronised: how much of the velocity meets the ship, what comes from ahead
+        ("met", np.float64),
+        ("head_sea", np.float64),  # significant height squared [m2]
+        # and along the path
         ("inflow", np.float64, (_POINTS,)),  # [m/s]
         ("inflow_slope", np.float64, (_POINTS,)),  # [1/s]
         ("elevation", np.float64, (_POINTS,)),  # [m]
         ("passed", np.int64),  # points since then
-        ("reference_position", np.float64),  # of the path's first point [m]
+        ("reference_place", np.float64),  # of the path's first point, along the waves' travel [m]
         ("reference_advance", np.float64),  # between two of its points [m]
         # working memory of the kernels: components here, one point on, and how far they turn
         ("cosine", np.float64, _LANES),
@@ -64,8 +78,8 @@ SEA = np.dtype(
 class Sea(BaseModel):
     """A JONSWAP sea.
 
-    ``heading_deg`` is the angle between the ship's course and the direction in which the waves
-    travel: 180 is head seas, 0 following seas, 90 beam seas.
+    ``heading_deg`` is the angle between the ship's first course and the direction in which the waves
+    travel: 180 is head seas, 0 following seas, 90 beam seas that go to starboard.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
@@ -123,17 +137,17 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
     amplitude = np.sqrt(2.0 * jonswap(frequency, sea) * width)
     amplitude *= sea.hs_m / 4.0 / math.sqrt(0.5 * float(np.sum(amplitude**2)))
     wavenumber = frequency**2 / GRAVITY
-    along = math.cos(math.radians(sea.heading_deg))
     record["present"] = 1
-    if along <= -math.cos(math.radians(_AHEAD_DEG)):
-        record["head_sea"] = sea.hs_m**2
+    record["along"] = math.cos(math.radians(sea.heading_deg))
+    record["across"] = math.sin(math.radians(sea.heading_deg))
+    record["height_squared"] = sea.hs_m**2
     record["amplitude"] = amplitude
-    # water that moves with the ship takes inflow away, hence the minus
-    record["velocity"] = -along * amplitude * frequency * np.exp(-wavenumber * depth_m)
+    record["velocity"] = amplitude * frequency * np.exp(-wavenumber * depth_m)
     record["frequency"] = frequency
-    record["wavenumber"] = -along * wavenumber
+    record["wavenumber"] = -wavenumber
     record["slope"] = -record["velocity"] * record["wavenumber"]
     record["phase"] = rng.uniform(0.0, 2.0 * math.pi, COMPONENTS)
+    _face(record, 0.0)
     return record
 
 
@@ -159,19 +173,45 @@ def get_sea(name: str) -> Sea | None:
 
 
 class WaveMotion(NamedTuple):
-    """The field at the ship: inflow [m/s], its slope along the track [1/s], elevation [m]."""
+    """The field at the ship."""
 
-    inflow: float
-    inflow_slope: float
-    elevation: float
-    position: float
+    inflow: float  # [m/s]
+    inflow_slope: float  # along the waves' travel [1/s]
+    elevation: float  # [m]
+    place: float  # along their travel, where the inflow holds [m]
     head_sea: float  # significant height squared of waves from ahead [m2]
 
 
-def field(sea: Any, time_s: float, position_m: float) -> tuple[float, float]:
+@compiled
+def _met(sea: Record, heading: float) -> float:
+    """Share of the water's velocity against the waves' travel that is inflow on a heading [rad].
+
+    Water that moves with the ship takes inflow away, hence the minus.
+    """
+    return float(-(sea.along * math.cos(heading) + sea.across * math.sin(heading)))
+
+
+@compiled
+def _face(sea: Record, heading: float) -> None:
+    """Set what of the sea meets a ship on a heading [rad]."""
+    sea.met = _met(sea, heading)
+    sea.head_sea = sea.height_squared if sea.met >= _AHEAD else 0.0
+
+
+@compiled
+def _place(sea: Record, position: Real, cross_track: Real) -> Real:
+    """How far along the waves' travel a ship is [m]."""
+    return position * sea.along + cross_track * sea.across
+
+
+def field(
+    sea: Any, time_s: float, position_m: float, cross_track_m: float = 0.0, heading_rad: float = 0.0
+) -> tuple[float, float]:
     """Inflow [m/s] and surface elevation [m] at a time and place, by the plain sum of cosines."""
-    angle = sea["frequency"] * time_s + sea["wavenumber"] * position_m + sea["phase"]
-    return float(sea["velocity"] @ np.cos(angle)), float(sea["amplitude"] @ np.cos(angle))
+    place = position_m * sea["along"] + cross_track_m * sea["across"]
+    angle = sea["frequency"] * time_s + sea["wavenumber"] * place + sea["phase"]
+    inflow = _met(sea, heading_rad) * float(sea["velocity"] @ np.cos(angle))
+    return inflow, float(sea["amplitude"] @ np.cos(angle))
 
 
 _HALF_PI_HIGH = 1.5707963267341256  # pi/2 in two parts (Cody & Waite)
@@ -233,10 +273,13 @@ def unit_phasors(
 
 
 @compiled
-def _set_phasors(sea: Record, time: float, position: float, speed: float, interval: float) -> None:
-    """Set every component's phasor here and one interval [s] on, at a speed [m/s] that is kept."""
+def _set_phasors(sea: Record, time: float, place: float, speed: float, interval: float) -> None:
+    """Set every component's phasor at a place and one interval [s] on, at a speed that is kept.
+
+    Place [m] and speed [m/s] are those along the waves' travel.
+    """
     for k in range(COMPONENTS):
-        sea.angle[k] = sea.frequency[k] * time + sea.wavenumber[k] * position + sea.phase[k]
+        sea.angle[k] = sea.frequency[k] * time + sea.wavenumber[k] * place + sea.phase[k]
     unit_phasors(sea.angle, sea.cosine, sea.sine)
     for k in range(COMPONENTS):
         sea.angle[k] = (sea.frequency[k] + sea.wavenumber[k] * speed) * interval
@@ -290,40 +333,37 @@ def _sum_inflow(sea: Record, found: NDArray[np.float64]) -> None:
 
 @compiled
 def inflow_ahead(
-    sea: Record,
-    time_s: float,
-    position_m: float,
-    speed: float,
-    interval_s: float,
-    found: NDArray[np.float64],
+    sea: Record, time_s: float, state: State, interval_s: float, found: NDArray[np.float64]
 ) -> None:
-    """Inflow [m/s] where a ship will be that keeps her speed, as of :func:`field`.
+    """Inflow [m/s] where a ship will be that keeps speed and heading, as of :func:`field`.
 
     Args:
         sea: SEA record; the path of its last synchronisation stays.
         time_s: now.
-        position_m: of the ship, now.
-        speed: of the ship [m/s].
+        state: of the ship, now.
         interval_s: between two entries of what is found.
         found: filled, the first with the present inflow.
     """
     found[:] = 0.0
     if sea.present == 0:
         return
-    _set_phasors(sea, time_s, position_m, speed, interval_s)
+    north, east = over_ground(state)
+    place = _place(sea, state.position, state.cross_track)
+    _set_phasors(sea, time_s, place, _place(sea, north, east), interval_s)
     _sum_inflow(sea, found)
+    found *= _met(sea, state.heading)
 
 
 @compiled
-def motion(sea: Record, position: float) -> WaveMotion:
+def motion(sea: Record) -> WaveMotion:
     """The field at the ship; zero where there is no sea."""
     i = sea.passed
     if sea.present != 0:
         return WaveMotion(
-            sea.inflow[i], sea.inflow_slope[i], sea.elevation[i],
-            sea.reference_position + i * sea.reference_advance, sea.head_sea,
+            sea.met * sea.inflow[i], sea.met * sea.inflow_slope[i], sea.elevation[i],
+            sea.reference_place + i * sea.reference_advance, sea.head_sea,
         )  # fmt: skip
-    return WaveMotion(0.0, 0.0, 0.0, position, 0.0)
+    return WaveMotion(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
@@ -333,18 +373,20 @@ def pass_half_step(sea: Record) -> None:
 
 
 @compiled_apart
-def synchronise(sea: Record, time: float, position: float, speed: float, half_step: float) -> None:
-    """Work the field out ahead, for the next ``SYNC_STEPS`` steps of a ship that keeps her speed.
+def synchronise(sea: Record, time: float, state: State, half_step: float) -> None:
+    """Work the field out ahead, for the next ``SYNC_STEPS`` steps of a ship that keeps her velocity.
 
     Args:
         sea: SEA record, changed in place.
         time: [s].
-        position: of the ship along its track [m].
-        speed: of the ship [m/s].
+        state: of the ship; what meets her is that of her heading until the next synchronisation.
         half_step: half of the plant's time step [s].
     """
+    north, east = over_ground(state)
+    place, speed = _place(sea, state.position, state.cross_track), _place(sea, north, east)
+    _face(sea, state.heading)
     sea.passed = 0
-    sea.reference_position = position
+    sea.reference_place = place
     sea.reference_advance = speed * half_step
-    _set_phasors(sea, time, position, speed, half_step)
+    _set_phasors(sea, time, place, speed, half_step)
     _superpose(sea)

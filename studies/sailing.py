@@ -53,6 +53,7 @@ def sail(
                 seas[i],
                 drive[i],
                 pitch_command[i],
+                0.0,
                 UNDISTURBED,
                 UNDISTURBED,
                 UNDISTURBED,

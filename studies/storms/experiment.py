@@ -81,7 +81,7 @@ def _interval(
     steady = Disturbance(0.0, 0.0, resistance_factor, NO_SIGNALS)
     for _ in range(INTERVAL_STEPS):
         speed = state.shaft_speed
-        outputs = step(plant, state, memory, sea, rack, pitch, steady, steady, steady, dt)
+        outputs = step(plant, state, memory, sea, rack, pitch, 0.0, steady, steady, steady, dt)
         power = outputs.brake_torque * plant.gear_ratio * speed
         truth.thrust += outputs.thrust / INTERVAL_STEPS
         truth.thrust_power += outputs.thrust * outputs.advance_velocity / INTERVAL_STEPS
@@ -89,7 +89,7 @@ def _interval(
         truth.peak_power = max(truth.peak_power, power)
         truth.shaft_speed += speed / INTERVAL_STEPS
         truth.peak_speed = max(truth.peak_speed, speed)
-    outputs = observe(plant, state, memory, sea, pitch, steady, dt)
+    outputs = observe(plant, state, memory, sea, pitch, 0.0, steady, dt)
     truth.ship_speed = state.ship_speed
     truth.ventilation = state.ventilation
     truth.propeller_torque = outputs.propeller_torque

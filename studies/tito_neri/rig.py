@@ -128,8 +128,9 @@ def _turn(
             plant.term_constants[slot, 1] = k * dt
         before = state.shaft_speed
         out = step(
-            plant, state, memory, sea, voltage[k], 1.0, UNDISTURBED, UNDISTURBED, UNDISTURBED, dt
-        )
+            plant, state, memory, sea, voltage[k], 1.0, 0.0, UNDISTURBED, UNDISTURBED, UNDISTURBED,
+            dt,
+        )  # fmt: skip
         current[k] = out.motor_current
         turned += 0.5 * dt * plant.gear_ratio * (before + state.shaft_speed)
 

@@ -40,7 +40,7 @@ def governed(
     for _ in range(round(seconds / 0.5)):
         rack, integral = governor.command([order], [state["shaft_speed"]], integral)
         for _ in range(round(0.5 / dt)):
-            step(plant, state, memory, calm(), float(rack[0]), pitch, *(UNDISTURBED,) * 3, dt)
+            step(plant, state, memory, calm(), float(rack[0]), pitch, 0.0, *(UNDISTURBED,) * 3, dt)
         speeds.append(float(state["shaft_speed"]))
         racks.append(float(rack[0]))
     return speeds, racks

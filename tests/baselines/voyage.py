@@ -63,7 +63,9 @@ def sail(
         drive = 0.5 * (action[1] + 1.0) * plant["drive_max"]
         held = Disturbance(0.0, 0.0, float(factor(time)))
         for _ in range(round(INTERVAL_S / dt)):
-            out = step(plant, state, memory, sea, float(drive), float(pitch), held, held, held, dt)
+            out = step(
+                plant, state, memory, sea, float(drive), float(pitch), 0.0, held, held, held, dt
+            )
         advance = out.advance_velocity
         engine_speed = float(plant["gear_ratio"] * state["shaft_speed"])
         fuel = float(plant["propellers"]) * fuel_rate(plant, engine_speed, out.brake_torque)

@@ -80,7 +80,7 @@ class ByHand:
             omega, speed = float(self.state["shaft_speed"]), float(self.state["ship_speed"])
             log = float(self.memory["speed_log"])
             outputs = step(
-                p, self.state, self.memory, self.sea, float(drive), float(pitch),
+                p, self.state, self.memory, self.sea, float(drive), float(pitch), 0.0,
                 self.disturbance(time), self.disturbance(time + 0.5 * self.dt),
                 self.disturbance(time + self.dt), self.dt,
             )  # fmt: skip

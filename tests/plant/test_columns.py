@@ -5,6 +5,7 @@ from shaftline.plant.columns import (
     BOUNDS,
     COLUMNS,
     DEMANDS,
+    IN_A_TURN,
     MEASURED,
     ON_ANY_SHIP,
     drive_column,
@@ -46,5 +47,7 @@ def test_each_measured_column_has_the_signal_that_answers_it() -> None:
         "thrust_N",
         "motor_current_A",
         "shaft_angle_rad",
+        *IN_A_TURN,
     )
+    assert IN_A_TURN == ("sway_speed_m_s", "yaw_rate_rad_s", "heading_rad", "rudder_rad")
     assert ON_ANY_SHIP == MEASURED_ON_ANY_SHIP

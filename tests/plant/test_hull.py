@@ -40,7 +40,7 @@ def test_waves_from_ahead_add_resistance(frigate: Ship, heading: float, height: 
     """STAWAVE-1 by hand: 1025 x 9.81 / 16 x Hs^2 x 14.4 x sqrt(14.4 / 45)."""
     plant = with_hull(frigate, beam_m=14.4, bow_length_m=45.0).record()
     sea = realise(Sea(hs_m=3.0, tp_s=9.0, heading_deg=heading), 4.0, 1)
-    found = wave_resistance(plant, motion(sea, 0.0).head_sea)
+    found = wave_resistance(plant, motion(sea).head_sea)
     assert found == pytest.approx(5119.2975 * height**2, rel=1e-5)
 
 

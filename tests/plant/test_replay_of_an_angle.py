@@ -34,7 +34,7 @@ def test_a_recording_of_the_angle_gives_the_start_and_is_answered(servo: Ship) -
     replay = Replay(servo, table)
     assert replay.channels == ["shaft_angle_rad"]
     assert replay.start[1] == pytest.approx(0.1, abs=1e-4)
-    assert replay.start_angle == pytest.approx(40.0, abs=1e-9)
+    assert replay.first_state().shaft_angle == pytest.approx(40.0, abs=1e-9)
     found = simulate_recording(servo, table)
     np.testing.assert_allclose(found["shaft_angle_rad"], table["shaft_angle_rad"], atol=1e-4)
     assert "shaft_angle_rad" not in simulate_recording(
@@ -48,8 +48,12 @@ def test_the_first_speed_is_the_slope_of_a_parabola(servo: Ship) -> None:
     table = pd.DataFrame({"time_s": time, "motor_torque_N_m": 0.0})
     table["shaft_angle_rad"] = 5.0 + 2.0 * time + 4.0 * time**2
     replay = Replay(servo, table, 0.1)
-    assert (replay.start[1], replay.start_angle) == pytest.approx((2.0, 5.0), abs=1e-9)
+    assert (replay.start[1], replay.first_state().shaft_angle) == pytest.approx(
+        (2.0, 5.0), abs=1e-9
+    )
     beside = Replay(servo, table.assign(shaft_speed_rad_s=1.5), 0.1)
-    assert (beside.start[1], beside.start_angle) == pytest.approx((1.5, 5.0), abs=1e-9)
+    assert (beside.start[1], beside.first_state().shaft_angle) == pytest.approx(
+        (1.5, 5.0), abs=1e-9
+    )
     two = Replay(servo, table.iloc[:2])  # a straight line is all that two rows give
     assert two.start[1] == pytest.approx(2.04)

@@ -17,6 +17,8 @@ BOUNDS = {
     "thrust_N": (-1e8, 1e8), "resistance_N": (-1e9, 1e9), "fuel_flow_kg_s": (0, 100),
     "propeller_submergence_m": (-30, 60), "fuel_rack_mm": (0, 200), "fuel_rack_position_mm": (0, 200),
     "pitch_ratio_command": (-1.6, 1.6), "true_pitch_ratio": (-2.1, 2.1), "pitch_ratio": (-2.6, 2.6),
+    "rudder_command_rad": (-1.6, 1.6), "rudder_rad": (-1.6, 1.6), "yaw_rate_rad_s": (-10, 10),
+    "heading_rad": (-math.inf, math.inf), "cross_track_m": (-math.inf, math.inf),
 }  # fmt: skip
 """Beyond what any ship reaches; all speeds of ship and water are within 40 m/s, torques 1e8 N m."""
 

@@ -66,11 +66,12 @@ def test_samples_are_the_outputs_of_single_steps(
     ship = frigate.with_values(BUSY)
     plant, sea, dt, steps = ship.record(), thesis_sea.copy(), 0.05, 30
     drive, pitch = np.linspace(20.0, 26.0, steps), np.linspace(1.4, 1.2, steps)
+    helm = np.linspace(0.1, -0.2, steps)
     half = 0.5 * dt * np.arange(2 * steps + 1)
     acts = [Disturbance(math.sin(t), 0.2 - t, 1.0 + t) for t in half]
     schedule = Schedule(
         drive, lambda _: pitch, lambda t: [math.sin(x) for x in t], lambda t: 1.0 + t,
-        lambda t: 0.2 - t,
+        lambda t: 0.2 - t, rudder_command=helm,
     )  # fmt: skip
     start = design_point.state._replace(pitch_ratio=1.3, position=12.0)
     found = simulate(ship, schedule, steps * dt, initial=start, sea=thesis_sea)
@@ -84,16 +85,20 @@ def test_samples_are_the_outputs_of_single_steps(
         last = min(k, steps - 1)
         if k < steps:
             begin, middle, end = acts[2 * k : 2 * k + 3]
-            out = step(plant, state, memory, sea, drive[k], pitch[k], begin, middle, end, dt)
+            out = step(
+                plant, state, memory, sea, drive[k], pitch[k], helm[k], begin, middle, end, dt
+            )
         else:
-            out = observe(plant, state, memory, sea, pitch[last], acts[-1], dt)
+            out = observe(plant, state, memory, sea, pitch[last], helm[last], acts[-1], dt)
         expected = {
             "time": k * dt, "drive": drive[last], "pitch_command": pitch[last],
+            "rudder_command": helm[last], "rudder_angle": helm[last],
             "measured_pitch_ratio": memory["pitch_ratio"], "measured_ship_speed": log,
             "measured_shaft_torque": memory["shaft_torque"], "shaft_speed": now.shaft_speed,
             "measured_shaft_speed": memory["shaft_speed"],
             "ship_speed": now.ship_speed, "ventilation": now.ventilation, "position": now.position,
-            "shaft_angle": now.shaft_angle,
+            "shaft_angle": now.shaft_angle, "sway_speed": 0.0, "yaw_rate": 0.0, "heading": 0.0,
+            "cross_track": 0.0,
         }  # fmt: skip
         for name in SAMPLE.names or ():
             value = expected.get(name, getattr(out, name, None))
@@ -204,7 +209,8 @@ def test_trajectory_of_records_is_the_simulation_of_ships(
         state[0] = tuple(design_point.state)
         trajectory(
             plant, state[0], memory, thesis_sea.copy(), np.full(steps, 24.0), np.full(steps, 1.3),
-            np.sin(half), np.cos(half), np.full(half.shape, 1.1), np.zeros((1, 6)), dt, samples,
+            np.zeros(steps), np.sin(half), np.cos(half), np.full(half.shape, 1.1),
+            np.zeros((1, 6)), dt, samples,
         )  # fmt: skip
         assert samples.tobytes() == expected.tobytes()
 

@@ -65,6 +65,7 @@ def test_lags_are_named_with_their_fields(plant: Any) -> None:
         "motor_current": "armature_inductance",
         "charge": "charge_lag",
         "warmth": "warmth_lag",
+        "rudder_angle": "rudder_lag",
     }
     prompt, waiting = (
         {name for name, lags in probe._asdict().items() if lags} for probe in (LAGGING, WAITING)
@@ -124,5 +125,5 @@ def test_state_of_the_motion_alone() -> None:
 
 
 def test_absent_states_and_disturbances_are_nothing() -> None:
-    assert State(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, *11 * (0.0,))
-    assert Inputs(22.0, 1.4) == (22.0, 1.4, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 6 * (0.0,))
+    assert tuple(State(1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0, *16 * (0.0,))
+    assert tuple(Inputs(22.0, 1.4)) == (22.0, 1.4, *6 * (0.0,), 1.0, *4 * (0.0,), 6 * (0.0,))

@@ -45,11 +45,12 @@ class Run:
     def step(self, drive: float, pitch: float, *acting: Disturbance, dt: float = DT) -> Any:
         start, middle, end = acting or (UNDISTURBED,) * 3
         return step(
-            self.plant, self.state, self.memory, self.sea, drive, pitch, start, middle, end, dt
-        )
+            self.plant, self.state, self.memory, self.sea, drive, pitch, 0.0, start, middle, end,
+            dt,
+        )  # fmt: skip
 
     def observe(self, pitch: float, acting: Disturbance = UNDISTURBED) -> Any:
-        return observe(self.plant, self.state, self.memory, self.sea, pitch, acting, DT)
+        return observe(self.plant, self.state, self.memory, self.sea, pitch, 0.0, acting, DT)
 
 
 @pytest.fixture
@@ -253,8 +254,8 @@ def test_waves_and_moving_pitch_agree_with_scipy(
 
     def rate(t: float, y: NDArray[np.float64]) -> tuple[float, ...]:
         inflow, elevation = field(thesis_sea, t, y[3])
-        inputs = Inputs(22.0, 1.4, inflow, 0.0, 0.0, elevation, 1.0, t)
-        state = State(y[0], y[1], y[2], y[3], 0.0, 0.0, 0.0, 0.0)
+        inputs = Inputs(22.0, 1.4, inflow, elevation=elevation, time=t)
+        state = State(y[0], y[1], y[2], y[3])
         return evaluate(plant, state, inputs, y[0], False)[0][:4]
 
     samples = simulate(frigate, Schedule(22.0, 1.4), 100.0, initial=initial, sea=thesis_sea)
