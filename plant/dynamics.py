@@ -14,7 +14,13 @@ from .actuators import blade_pitch, pitch_rate
 from .drives import Driving, driven, holding_torque
 from .hull import resistance, wake_inflow, water_speed, wave_resistance
 from .kinematics import over_ground
-from .manoeuvring import drift_inflow, hull_forces, planar_acceleration, through_water
+from .manoeuvring import (
+    drift_inflow,
+    hull_forces,
+    planar_acceleration,
+    reference_speed,
+    through_water,
+)
 from .propeller import propeller_load
 from .rudder import rudder_angle, rudder_forces, rudder_rate
 from .shaft import brake_torque_of, drive_torque, gauge_torque, load_torque, shaft_inertia
@@ -84,15 +90,19 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     if plant.turns != 0:
         speed, across = through_water(plant, state.ship_speed, state.sway_speed, state.heading)
     kinematic = wake_inflow(plant, speed)
+    reference = speed
     if plant.turns != 0:
-        kinematic = kinematic * drift_inflow(plant, speed, across, state.yaw_rate)
+        reference = reference_speed(plant, speed, across, state.yaw_rate)
+        kinematic = kinematic * drift_inflow(plant, reference, across, state.yaw_rate)
     kinematic = kinematic + inputs.inflow
     place = state.position * inputs.wave_along + state.cross_track * inputs.wave_across
     kinematic = kinematic + inputs.inflow_slope * (place - inputs.inflow_place)
     submergence = plant.depth + inputs.elevation
     demand = inputs.drive
     states = (state.term_1, state.term_2, state.term_3)
-    rudder = rudder_angle(plant, state.rudder_angle, inputs.rudder_command)
+    rudder = 0.0
+    if plant.turns != 0:
+        rudder = rudder_angle(plant, state.rudder_angle, inputs.rudder_command)
     heard = Heard(
         omega, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
         submergence, inputs.time, state.sway_speed, state.yaw_rate, state.heading, rudder,
@@ -121,7 +131,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     thrust = load.thrust
     surge_force = side_force = yaw_moment = 0.0
     if plant.turns != 0:
-        surge_force, side_force, yaw_moment = hull_forces(plant, speed, across, state.yaw_rate)
+        surge_force, side_force, yaw_moment = hull_forces(plant, reference, across, state.yaw_rate)
         x, y, n = rudder_forces(plant, rudder, kinematic, thrust, across, state.yaw_rate)
         surge_force, side_force, yaw_moment = surge_force + x, side_force + y, yaw_moment + n
     added_pitch_rate = term_rate_1 = term_rate_2 = term_rate_3 = 0.0

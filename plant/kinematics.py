@@ -6,16 +6,15 @@ are positive to starboard. A ship that does not turn has a heading of 0 for ever
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..core.compiled import Real, Record, compiled
+from ..core.numeric import sine_cosine
 from .state import State
 
 
 @compiled
 def over_ground(state: State) -> tuple[Real, Real]:
     """Rates of position and cross track [m/s]."""
-    cosine, sine = np.cos(state.heading), np.sin(state.heading)
+    sine, cosine = sine_cosine(state.heading)
     ahead, across = state.ship_speed, state.sway_speed
     return ahead * cosine - across * sine, ahead * sine + across * cosine
 
@@ -23,7 +22,7 @@ def over_ground(state: State) -> tuple[Real, Real]:
 @compiled
 def current_met(plant: Record, heading: Real) -> tuple[Real, Real]:
     """Velocity of the current [m/s] ahead and to starboard of a ship on a heading [rad]."""
-    cosine, sine = np.cos(heading), np.sin(heading)
+    sine, cosine = sine_cosine(heading)
     return (
         plant.current * cosine + plant.cross_current * sine,
         plant.cross_current * cosine - plant.current * sine,

@@ -150,18 +150,18 @@ def hull_area(plant: Record) -> Real:
 
 @compiled
 def hull_forces(
-    plant: Record, ahead: Real, across: Real, yaw_rate: Real
+    plant: Record, speed: Real, across: Real, yaw_rate: Real
 ) -> tuple[Real, Real, Real]:
     """X [N], Y [N] and N [N m] of the hull in drift and yaw (eqs. 8 and 9), its resistance apart.
 
     Args:
         plant: ship record.
-        ahead: u through the water [m/s].
-        across: v [m/s].
+        speed: :func:`reference_speed` [m/s].
+        across: v through the water [m/s].
         yaw_rate: r [rad/s].
     """
-    speed = reference_speed(plant, ahead, across, yaw_rate)
-    v, r = across / speed, yaw_rate * plant.length / speed
+    slowness = 1.0 / speed
+    v, r = across * slowness, yaw_rate * plant.length * slowness
     vv, vr, rr = v * v, v * r, r * r
     v_v, r_r = v * modulus(v), r * modulus(r)
     force = 0.5 * plant.density * hull_area(plant) * speed * speed
@@ -176,13 +176,16 @@ def hull_forces(
 
 
 @compiled
-def drift_inflow(plant: Record, ahead: Real, across: Real, yaw_rate: Real) -> Real:
+def drift_inflow(plant: Record, speed: Real, across: Real, yaw_rate: Real) -> Real:
     """Inflow of the propeller in drift and yaw over that of straight sailing [-] (eq. 20).
 
     Drift at the propeller is taken as the cross flow there over the speed, the sine of its angle.
+    Arguments as of :func:`hull_forces`.
     """
+    if plant.wake_drift_rate == 0.0:
+        return 1.0
     cross_flow = across + plant.propeller_position * yaw_rate
-    drift = -cross_flow / reference_speed(plant, ahead, across, yaw_rate)
+    drift = -cross_flow / speed
     gain = plant.wake_drift_gain_starboard
     if drift.real > 0.0:
         gain = plant.wake_drift_gain_port
@@ -231,11 +234,11 @@ def planar_acceleration(
     surge = surge + (sway * across + off_centre * yaw_rate) * yaw_rate
     side = side - plant.mass * ahead * yaw_rate
     moment = moment - off_centre * ahead * yaw_rate
-    determinant = sway * yaw - sway_yaw * yaw_sway
+    share = 1.0 / (sway * yaw - sway_yaw * yaw_sway)
     current_ahead, current_across = current_met(plant, heading)
     # the current is steady over ground, not over the ship
     return (
         surge * (1.0 / plant.mass) + yaw_rate * current_across,
-        (yaw * side - sway_yaw * moment) / determinant - yaw_rate * current_ahead,
-        (sway * moment - yaw_sway * side) / determinant,
+        (yaw * side - sway_yaw * moment) * share - yaw_rate * current_ahead,
+        (sway * moment - yaw_sway * side) * share,
     )

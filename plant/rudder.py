@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import model_validator
 
 from ..core.compiled import Real, Record, compiled
-from ..core.numeric import clip, modulus
+from ..core.numeric import clip, modulus, sine_cosine
 from .keys import INF, Section, effect, number, require
 
 WITH = "with a rudder.area_m2"
@@ -122,14 +122,15 @@ def race_inflow(plant: Record, inflow: Real, thrust: Real) -> Real:
         inflow: of the propeller [m/s].
         thrust: T of one propeller [N].
     """
-    if plant.diameter.real == 0.0:  # no propeller
+    # compared whole: where a derivative to it is asked for, it is not 0
+    if plant.race_gain == 0.0:
         return plant.rudder_wake_ratio * inflow
     loading = 8.0 / math.pi * thrust / (plant.density * plant.diameter * plant.diameter)
     square = inflow * modulus(inflow) + loading
-    race = square / (square * square + 1e-8) ** 0.25  # signed root
+    race = square / np.sqrt(np.sqrt(square * square + 1e-8))  # signed root
     met = inflow + plant.race_gain * (race - inflow)
     share = plant.race_share
-    mean = np.sqrt(share * met * met + (1.0 - share) * inflow * inflow + 1e-12)
+    mean = np.sqrt(share * met * met + (1.0 - share) * inflow * inflow + 1e-24)
     if met.real < 0.0:
         mean = -mean
     return plant.rudder_wake_ratio * mean
@@ -155,7 +156,7 @@ def rudder_forces(
     if cross_flow.real < 0.0:
         straightening = plant.straightening_port
     cross_flow = cross_flow * straightening
-    sine, cosine = np.sin(angle), np.cos(angle)
+    sine, cosine = sine_cosine(angle)
     pressure = 0.5 * plant.density * plant.rudder_area
     speed = np.sqrt(along * along + cross_flow * cross_flow + 1e-12)
     # U_R sin(delta + psi), with the angle psi of the flow by its sine and cosine

@@ -27,6 +27,7 @@ from ..core.compiled import (
     compiled_polynomial,
     compiled_sum,
 )
+from ..core.numeric import sine_cosine
 from .kinematics import over_ground
 from .state import State
 from .surroundings import GRAVITY
@@ -214,62 +215,13 @@ def field(
     return inflow, float(sea["amplitude"] @ np.cos(angle))
 
 
-_HALF_PI_HIGH = 1.5707963267341256  # pi/2 in two parts (Cody & Waite)
-_HALF_PI_LOW = 6.077100506506192e-11
-
-
 @compiled_polynomial
 def unit_phasors(
     angle: NDArray[np.float64], cosine: NDArray[np.float64], sine: NDArray[np.float64]
 ) -> None:
-    """Cosine and sine of every angle, without branches so that the loop vectorises.
-
-    Taylor series after reduction to +-pi/4; error below 2.1e-14 for |angle| < 1e5 rad.
-    """
+    """Cosine and sine of every angle, in a loop that vectorises."""
     for k in range(len(angle)):
-        quadrant = np.floor(angle[k] * (2.0 / math.pi) + 0.5)
-        r = (angle[k] - quadrant * _HALF_PI_HIGH) - quadrant * _HALF_PI_LOW
-        r2 = r * r
-        s = r * (
-            1.0
-            + r2
-            * (
-                -1.0 / 6.0
-                + r2
-                * (
-                    1.0 / 120.0
-                    + r2
-                    * (
-                        -1.0 / 5040.0
-                        + r2
-                        * (1.0 / 362880.0 + r2 * (-1.0 / 39916800.0 + r2 * (1.0 / 6227020800.0)))
-                    )
-                )
-            )
-        )
-        c = 1.0 + r2 * (
-            -0.5
-            + r2
-            * (
-                1.0 / 24.0
-                + r2
-                * (
-                    -1.0 / 720.0
-                    + r2
-                    * (
-                        1.0 / 40320.0
-                        + r2
-                        * (-1.0 / 3628800.0 + r2 * (1.0 / 479001600.0 - r2 * (1.0 / 87178291200.0)))
-                    )
-                )
-            )
-        )
-        # quadrant modulo 4 as floats: 0 -> (c, s), 1 -> (-s, c), 2 -> (-c, -s), 3 -> (s, -c)
-        quarter = quadrant - 4.0 * np.floor(quadrant * 0.25)
-        odd = quarter - 2.0 * np.floor(quarter * 0.5)
-        half = 1.0 - 2.0 * np.floor(quarter * 0.5)
-        cosine[k] = half * (c if odd == 0.0 else -s)
-        sine[k] = half * (s if odd == 0.0 else c)
+        sine[k], cosine[k] = sine_cosine(angle[k])
 
 
 @compiled
