@@ -9,20 +9,25 @@ from .ship_files import load_ship, ship_names, write_ship
 from .simulation import Schedule, simulate
 from .state import State
 from .steady_state import Equilibrium, equilibrium
+from .steering import Nomoto, nomoto
+from .voyage import Voyage
 from .waves import Sea, get_sea, realise
 
 __all__ = [
     "Equilibrium",
+    "Nomoto",
     "RecordingError",
     "Schedule",
     "Sea",
     "Ship",
     "ShipError",
     "State",
+    "Voyage",
     "equilibrium",
     "get_sea",
     "linearise",
     "load_ship",
+    "nomoto",
     "read_recording",
     "realise",
     "ship_names",

@@ -22,7 +22,7 @@ from .waves import calm
 
 
 @compiled
-def _write(
+def write_sample(
     plant: Record,
     sample: Record,
     time: float,
@@ -34,6 +34,7 @@ def _write(
     speed_log: float,
     outputs: Outputs,
 ) -> None:
+    """Fill a SAMPLE record: what acts over a step, the state and the outputs at its start."""
     sample.time = time
     sample.drive = drive
     sample.pitch_command = pitch_command
@@ -118,7 +119,7 @@ def trajectory(
             Disturbance(inflow[c], elevation[c], resistance_factor[c], outside_at(signals, c)),
             dt,
         )
-        _write(
+        write_sample(
             plant, samples[k], k * dt, drive[k], pitch_command[k], rudder_command[k], now, memory,
             log, outputs,
         )  # fmt: skip
@@ -129,7 +130,7 @@ def trajectory(
     outputs = observe(
         plant, state, memory, sea, pitch_command[last], rudder_command[last], finish, dt
     )
-    _write(
+    write_sample(
         plant,
         samples[steps],
         steps * dt,
