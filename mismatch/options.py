@@ -76,7 +76,7 @@ class Options:
         """
         ship = ship.with_signals({**ship.signals, **signals}) if signals else ship
         for effect in self.own_effects:
-            for name in effect.term.hears if effect.term is not None else ():
+            for name in ship.heard_by(effect.term) if effect.term is not None else ():
                 if name not in ship.signals:
                     raise ValueError(
                         f"{effect.label} hears {name}, which the recordings do not have; name the "
@@ -91,7 +91,7 @@ class Options:
             ValueError: names it, and why.
         """
         for effect in self.own_effects:
-            heard = effect.term.hears if effect.term is not None else ()
+            heard = ship.heard_by(effect.term) if effect.term is not None else ()
             host = ship.with_signals(dict.fromkeys(heard, "-") | ship.signals) if heard else ship
             if effect.balance not in ship.balances:
                 why = f"its balances are {', '.join(ship.balances)}"

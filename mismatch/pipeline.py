@@ -193,9 +193,10 @@ def _judged(
         candidates.insert(0 if first else 1, spelled)
     corrected, gain, spoilt = corrected_ship(ship, candidates, judge, free)
     warnings = _not_carried(findings, corrected == ship, spoilt)
+    # with all signals of the replay, for a record hears them by their place
+    before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     if corrected.signals:
         corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.hears})
-    before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     fit_before = fits(measured, before, rows)
     constant = [
         f"{column} is constant on the part set aside: no FitPercent"

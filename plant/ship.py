@@ -14,7 +14,6 @@ from pydantic import Field, model_validator
 from .actuators import PitchActuator
 from .cavitation import CavitationBucket
 from .drives import Diesel, Drive
-from .expressions import FUNCTIONS
 from .hull import Hull
 from .keys import (
     LACKING,
@@ -27,17 +26,17 @@ from .keys import (
     require,
     required_when,
 )
-from .manoeuvring import WITH as MANOEUVRING
-from .manoeuvring import Manoeuvring, planar_inertia
+from .manoeuvring import Manoeuvring
 from .memory import HISTORY, Sensors
 from .propeller import Propeller
-from .record import PLANT, record_of
+from .record import record_of
 from .rudder import Rudder
 from .shaft import UNLESS_HELD, Transmission
+from .ship_checks import check_terms, check_turning
 from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
 from .term_kernel import MAX_SIGNALS, MAX_TERMS
-from .terms import TERM_SIGNALS, Name, Term
+from .terms import OF_A_TURN, Name, Term
 from .tolerances import Tolerances
 from .ventilation import Ventilation
 
@@ -84,19 +83,7 @@ class Ship(Section):
                     f"{key} = {delay} s is more than {longest:.4g} s, "
                     f"the longest delay at a time step of {step} s"
                 )
-        ids = [term.id for term in self.term]
-        if twice := [name for name in ids if ids.count(name) > 1]:
-            raise ValueError(f"term {twice[0]!r} stands twice")
-        for name in self.signals:
-            if name in TERM_SIGNALS or name in FUNCTIONS:
-                raise ValueError(f"signals.{name}: a name of its own is needed")
-        for term in self.term:
-            if unknown := [name for name in term.hears if name not in self.signals]:
-                known = [*TERM_SIGNALS, *term.parameters, *self.signals]
-                raise ValueError(
-                    f"term {term.id!r}: {unknown[0]!r} is unknown; known: {', '.join(known)}; a "
-                    "signal from outside the ship is named, with its unit, under [signals]"
-                )
+        check_terms(self)
         for key in self.tolerances.numbers:
             self.number(key)
         if self.has_propeller:
@@ -106,47 +93,13 @@ class Ship(Section):
                 k for k, i in Transmission.model_fields.items() if required_when(i) == UNLESS_HELD
             ]
             require(self.transmission, tuple(keys), UNLESS_HELD, "transmission.")
-        for term in self.term:
-            if term.acts_on in ("drive", "drive_torque") and not self.turns_freely:
-                raise ValueError(
-                    f"term {term.id!r} acts on nothing: acts_on = {term.acts_on!r} on a shaft whose "
-                    "speed is held"
-                )
-            if term.acts_on in ("side_force", "yaw_moment") and not self.turns:
-                raise ValueError(
-                    f"term {term.id!r} acts on nothing: acts_on = {term.acts_on!r} on a ship without "
-                    "a manoeuvring.length_m"
-                )
-        self._turns_as_it_can()
+        check_turning(self)
         what, constant = self.prime_mover.time_constant
         if step > constant:
             raise ValueError(
                 f"integration.time_step_s = {step} s must not exceed {what} = {constant:.3g} s"
             )
         return self
-
-    def _turns_as_it_can(self) -> None:
-        if self.rudder.area_m2 > 0.0 and not self.turns:
-            raise ValueError("rudder.area_m2 acts on nothing without a manoeuvring.length_m")
-        if not self.turns:
-            return
-        if not self.moves:
-            raise ValueError("manoeuvring.length_m asks for a hull that is not fixed")
-        require(self.water, ("density_kg_m3",), MANOEUVRING, "water.")
-        if self.hull.mass_kg < self.manoeuvring.displacement_kg:
-            raise ValueError(
-                f"hull.mass_kg = {self.hull.mass_kg:g} kg, with added mass, is less than "
-                f"manoeuvring.displacement_kg = {self.manoeuvring.displacement_kg:g} kg without"
-            )
-        plant = np.zeros(1, PLANT)[0]
-        for section in (self.water, self.hull, self.manoeuvring):
-            section.fill(plant)
-        sway, sway_yaw, yaw_sway, yaw = planar_inertia(plant)
-        if not sway * yaw > sway_yaw * yaw_sway:
-            raise ValueError(
-                "manoeuvring: sway and yaw have no inertia of their own: Y_rdot and N_vdot (with "
-                "centre_of_gravity_m) are too large beside Y_vdot and N_rdot"
-            )
 
     @property
     def time_step_s(self) -> float:
@@ -214,6 +167,11 @@ class Ship(Section):
     def turns_freely(self) -> bool:
         """Whether its shaft's speed follows from the torques on it, and is not held."""
         return not self.prime_mover.holds_speed
+
+    @property
+    def reverses(self) -> bool:
+        """Whether its shaft can turn astern: a diesel's does not."""
+        return not self.has_diesel
 
     @property
     def has_line_shaft(self) -> bool:
@@ -338,7 +296,11 @@ class Ship(Section):
     @property
     def hears(self) -> tuple[str, ...]:
         """Signals from outside that its terms use."""
-        return tuple(sorted({name for term in self.term for name in term.hears}))
+        return tuple(sorted({name for term in self.term for name in self.heard_by(term)}))
+
+    def heard_by(self, term: Term) -> tuple[str, ...]:
+        """Signals that a term hears from outside on this ship."""
+        return tuple(n for n in term.hears if not (self.turns and n in OF_A_TURN))
 
     def outside_rows(self, given: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
         """Signals from outside along a time base, as the kernels take them.
@@ -365,16 +327,13 @@ class Ship(Section):
         return tuple(map(float, rows[0]))
 
     def refuse_unheard(self, given: Container[str]) -> None:
-        """Refuse a term that hears what there is not.
-
-        Args:
-            given: names of the signals from outside that there are.
+        """Refuse a term that hears a signal from outside that is not among those given by name.
 
         Raises:
             ShipError: names term and signal.
         """
         for term in self.term:
-            for name in term.hears:
+            for name in self.heard_by(term):
                 if name not in given:
                     raise ShipError(
                         f"{self.name}: term {term.id!r} hears {name} [{self.signals[name]}], which "

@@ -78,6 +78,17 @@ TERM_SIGNALS = {
 """What an expression may use; the last five are not yet known where drive or
 inflow_velocity are formed."""
 
+OF_A_TURN = {
+    "sway_speed": "sway_speed_m_s",
+    "yaw_rate": "yaw_rate_rad_s",
+    "heading": "heading_rad",
+    "rudder_angle": "rudder_rad",
+}
+"""Signals that a ship has that turns, and their columns; any other ship hears them from outside, where a
+recording has them."""
+
+_ITS_OWN = frozenset(TERM_SIGNALS) - {*OF_A_TURN}
+
 _EARLY = len(Heard._fields)
 
 
@@ -160,8 +171,11 @@ class Term(Section):
 
     @property
     def hears(self) -> tuple[str, ...]:
-        """Signals from outside the ship that it uses, in the order in which they are named."""
-        own = {*self.parameters, *TERM_SIGNALS, *FUNCTIONS, self.state}
+        """Signals from outside the ship that it uses, in the order in which they are named.
+
+        Those of :data:`OF_A_TURN` are among them, which a ship that turns has herself.
+        """
+        own = {*self.parameters, *_ITS_OWN, *FUNCTIONS, self.state}
         found: dict[str, None] = {}
         for _, expression in self.expressions:
             for name in names_in(expression):

@@ -44,7 +44,7 @@ from pydantic import (
 from ...plant.columns import BOUNDS, COLUMNS, TIME
 from ...plant.expressions import FUNCTIONS
 from ...plant.recording import RecordingError
-from ...plant.terms import TERM_SIGNALS, Name
+from ...plant.terms import OF_A_TURN, TERM_SIGNALS, Name
 
 DATE_TIME = "datetime"
 """Unit of a time column that holds dates with times of day, such as ISO 8601."""
@@ -156,7 +156,8 @@ class Heard(BaseModel):
     @field_validator("signal")
     @classmethod
     def _free(cls, value: str) -> str:
-        if value in COLUMNS or value in TERM_SIGNALS or value in FUNCTIONS:
+        own = {*TERM_SIGNALS} - {*OF_A_TURN}  # of any ship
+        if value in COLUMNS or value in own or value in FUNCTIONS:
             raise ValueError(f"{value!r} has a meaning already: a name of its own is needed")
         return value
 

@@ -22,6 +22,7 @@ from ...plant.columns import (
 )
 from ...plant.recording import RecordingError, as_numbers, check_bounds, read_table
 from ...plant.ship import Ship
+from ...plant.terms import OF_A_TURN
 from .checks import (
     at_rest,
     dull,
@@ -115,6 +116,9 @@ def load_recording(
     """
     path = Path(path)
     raw, mapped = read_mapped(path, columns)
+    if not ship.turns:  # what it does not do itself its terms may hear
+        told = {n: c for n, c in OF_A_TURN.items() if c in raw and n not in raw}
+        raw = raw.assign(**{name: raw[column] for name, column in told.items()})
     heard = {n: u for n, u in {**signals, **ship.signals, **mapped}.items() if n in raw}
     turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
     required = list(dict.fromkeys([*input_columns(ship), turning, *ship.hears]))

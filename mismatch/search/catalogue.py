@@ -83,8 +83,8 @@ class Effect:
         term: that the effect is, with its numbers at values that change nothing; None where the
             parameters are keys of the ship's file.
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
-            ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``; beside having the balance
-            and the keys.
+            ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``, ``reverses``; beside having
+            the balance and the keys.
     """
 
     id: str
@@ -194,6 +194,7 @@ def applicable(
 
 OUTSIDE = {
     "drift_angle": "rad",
+    "sway_speed": "m/s",
     "yaw_rate": "rad/s",
     "rudder_angle": "rad",
     "head_wind": "m/s",

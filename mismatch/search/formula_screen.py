@@ -185,7 +185,7 @@ class Screen:
         push = float(plant["propellers"] * (1.0 - plant["thrust_deduction"]))
         does = {
             "drive_torque": {balances.prime_mover: 1.0},
-            "load_torque": {home_of("load_torque", balances): -1.0},
+            "load_torque": dict.fromkeys([home_of(place, balances)], -1.0),
             "thrust": {"hull": push, "thrust": 1.0},
             "resistance": {"hull": -1.0},
             "pitch_rate": {"pitch-actuator": replay.ship.pitch_actuator.time_constant_s},

@@ -195,6 +195,10 @@ def scales(balances: Balances) -> Mapping[str, float]:
         f"force/{name}/{name}": typical(samples["resistance"]) / typical(heard) ** 2
         for name, heard in balances.replay.outside.items()
     }
+    heard = balances.replay.outside
+    if "sway_speed" in heard and "yaw_rate" in heard:
+        turning = typical(heard["sway_speed"]) * typical(heard["yaw_rate"])
+        outside["force/sway_speed/yaw_rate"] = typical(samples["resistance"]) / turning
     return outside | {
         "unit": 1.0,
         "time_step": max(run.dt for run in balances.replay.runs),

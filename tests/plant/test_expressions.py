@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shaftline.plant import Ship, load_ship
+from shaftline.plant import Ship, ShipError, load_ship
 from shaftline.plant.expressions import FUNCTIONS, TermError, parsed
 from shaftline.plant.term_kernel import MAX_DEPTH, MAX_TERMS, Added, AddedBefore, Heard, Loaded
-from shaftline.plant.terms import PLACES, TERM_SIGNALS, Term, add_term
+from shaftline.plant.terms import OF_A_TURN, PLACES, TERM_SIGNALS, Term, add_term
 
 from .terms import HEARD, LOADED, value
 
@@ -126,6 +126,10 @@ def test_every_signal_and_function_is_reached(frigate: Ship) -> None:
     assert Heard._fields + Loaded._fields == tuple(TERM_SIGNALS)
     assert (AddedBefore._fields + Added._fields)[: len(PLACES)] == tuple(PLACES)
     assert Added._fields[len(PLACES) - 2 :] == ("rate_1", "rate_2", "rate_3")
+    turning = load_ship("ddg-51-surrogate")  # any other has four of them from outside
     for name, expected in zip(TERM_SIGNALS, (*HEARD, *LOADED), strict=True):
-        assert value(frigate, name) == expected
+        assert value(turning, name) == expected
+        if name in OF_A_TURN:
+            with pytest.raises(ShipError, match=f"'{name}' is unknown"):
+                value(frigate, name)
     assert len({code for code, _ in FUNCTIONS.values()}) == len(FUNCTIONS)

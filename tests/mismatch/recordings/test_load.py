@@ -250,3 +250,13 @@ def test_real_thruster_runs_are_accepted(tmp_path: Path) -> None:
         found = load_recording(file, ship)
         assert found.interval_s == pytest.approx(0.04)
         assert found.noise["shaft_speed_rad_s"].white_rms > 0.0
+
+
+def test_a_ship_that_does_not_turn_hears_how_the_real_one_turned(
+    frigate: Ship, calm: pd.DataFrame, tmp_path: Path
+) -> None:
+    """Columns of a turn are signals of terms on a ship that has no sway and yaw of its own."""
+    turned = calm.assign(yaw_rate_rad_s=0.01 * np.sin(calm["time_s"]))
+    turned.to_csv(tmp_path / "run.csv", index=False)
+    found = load_recording(tmp_path / "run.csv", frigate, signals={"yaw_rate": "rad/s"})
+    np.testing.assert_allclose(found.table["yaw_rate"], turned["yaw_rate_rad_s"], atol=1e-12)

@@ -13,10 +13,6 @@ from shaftline.mismatch import Diagnosis, catalogue, diagnose
 from shaftline.mismatch.report.html import report_html
 from shaftline.mismatch.search.catalogue import applicable, mistaken_for
 from shaftline.mismatch.search.entries import entries_of
-from shaftline.mismatch.search.placed import Placed
-from shaftline.mismatch.search.trial_ship import TrialShip
-from shaftline.mismatch.simulate.balances import Balances
-from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.replay import simulate_recording
 from shaftline.plant.term_kernel import MAX_TERMS
@@ -165,61 +161,6 @@ def test_an_inflow_lag_is_named_where_the_inflow_was_measured() -> None:
     found = diagnose(quick_frigate(), table)
     _named(found, "inflow-lag", "propeller")
     assert found.findings[0].estimates[0].value == pytest.approx(2.5, rel=0.1)
-
-
-FORMS: list[tuple[str, tuple[float, ...]]] = [
-    ("engine-torque-curvature (engine, knee-in-speed)", (-9000.0, 9.5)),
-    ("engine-torque-curvature (engine, knee-in-rack)", (-8000.0, 19.0)),
-    ("propeller-roughness (propeller, scaled)", (0.06, 0.7)),
-    ("inflow-lag (propeller, of-j)", (5.0,)),
-    ("pitch-dead-band (pitch-actuator, stops-at-the-edge)", (0.03,)),
-    ("pitch-dead-band (pitch-actuator, stops-inside)", (0.05, 0.3)),
-    ("wake-speed-dependence (propeller, and-level)", (0.02, 0.08)),
-    ("wake-in-drift (propeller)", (2.0, 0.3)),
-    ("wind (hull)", (900.0,)),
-    ("coulomb-friction (motor, stribeck)", (0.03, 1.5, 20.0)),
-    ("command-dead-zone (motor, by-direction)", (0.6, 0.5)),
-    ("direction-asymmetry (motor, demand)", (-0.12,)),
-    ("direction-asymmetry (motor, load-torque)", (-0.15,)),
-    ("inflow-lag (motor, induced-flow)", (1.5, 30.0)),
-]
-
-
-def of_form(label: str, values: tuple[float, ...]) -> tuple[Ship, pd.DataFrame]:
-    """A ship, and its recording with an effect of some form and size in it."""
-    effect = next(e for e in catalogue() if e.label == label)
-    outside = {
-        "drift_angle": lambda t: 0.25 * np.sin(t / 31.0) + 0.05,
-        "head_wind": lambda t: 8.0 + 7.0 * np.sin(t / 47.0),
-    }
-    heard = {name: outside[name] for name in (effect.term.hears if effect.term else ())}
-    frigate = effect.balance != "motor"
-    ship = quick_frigate() if frigate else bench_tug()
-    nominal = ship.with_signals(dict.fromkeys(heard, "-"))
-    plain = frigate_voyage(nominal, seed=3, seconds=300.0, extra=heard) if frigate else tug_run()
-    trial_ship = TrialShip(Balances(JointReplay(nominal, plain)))
-    true = trial_ship.corrected((Placed(effect, values),))
-    if not frigate:
-        return ship, tug_run(true, seed=1)
-    return ship, frigate_voyage(true, seed=3, seconds=300.0, extra=heard)
-
-
-@pytest.mark.parametrize(("label", "values"), FORMS, ids=[label for label, _ in FORMS])
-def test_another_form_of_known_physics_is_named_as_what_it_is(
-    label: str, values: tuple[float, ...]
-) -> None:
-    ship, table = of_form(label, values)
-    found = diagnose(ship, table)
-    effect, balance = label.split(" (")[0], label.split("(")[1].split(",")[0].rstrip(")")
-    _named(found, effect, balance)
-    assert found.explained > 0.9
-
-
-def test_every_entry_is_concealed_by_a_test_here() -> None:
-    assert {label for label, _ in FORMS} == {e.label for e in catalogue() if e.term is not None}
-    concealed = {(e, b) for e, b, _ in ON_THE_FRIGATE} | {(e, "motor") for e, _ in ON_THE_TUG}
-    concealed |= {("ventilation", "propeller"), ("inflow-lag", "propeller")}
-    assert {e.kind for e in catalogue() if e.term is None} == concealed
 
 
 def test_entries_cannot_change_and_serve_as_keys() -> None:

@@ -164,7 +164,13 @@ def test_scales_are_those_of_the_nominal_voyage(toy: Any) -> None:
     )
     used = {p.of for effect in catalogue() for p in effect.parameters}
     used |= {of for e in catalogue() for _, of in e.fixed if isinstance(of, str) and "." not in of}
-    assert used - {"force/head_wind/head_wind"} <= set(found)
+    outside = {name for name in used if name.startswith("force/")}
+    assert outside == {
+        "force/head_wind/head_wind",
+        "force/rudder_angle/rudder_angle",
+        "force/sway_speed/yaw_rate",
+    }
+    assert used - outside <= set(found)
 
 
 @pytest.mark.parametrize("key", ["sensors.torque_delay_s", "sensors.speed_delay_s"])
