@@ -55,6 +55,9 @@ results: $(INSTALLED)
 	if [ -d "$(SHAFTLINE_DATA)/recordings/emps" ]; then \
 	    $(BIN)/python -m shaftline.studies.emps --out docs/results \
 	        --recordings "$(SHAFTLINE_DATA)/recordings/emps"; fi
+	if [ -d "$(SHAFTLINE_DATA)/recordings/esso_osaka" ]; then \
+	    $(BIN)/python -m shaftline.studies.esso_osaka_model --out docs/results \
+	        --recordings "$(SHAFTLINE_DATA)/recordings/esso_osaka"; fi
 	if [ -d "$(SHAFTLINE_DATA)/recordings/rov_thruster" ]; then \
 	    $(BIN)/python -m shaftline.studies.rov_thruster --out docs/results \
 	        --recordings "$(SHAFTLINE_DATA)/recordings/rov_thruster"; fi
