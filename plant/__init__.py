@@ -1,6 +1,8 @@
 """The physics: propeller, engine, shaft, hull, actuators, waves, and their integration in time."""
 
+from .approach import approach
 from .linear import linearise
+from .manoeuvres import spiral, turning_circle, zig_zag
 from .recording import RecordingError, read_recording
 from .replay import simulate_recording
 from .ship import Ship
@@ -23,6 +25,7 @@ __all__ = [
     "ShipError",
     "State",
     "Voyage",
+    "approach",
     "equilibrium",
     "get_sea",
     "linearise",
@@ -33,5 +36,8 @@ __all__ = [
     "ship_names",
     "simulate",
     "simulate_recording",
+    "spiral",
+    "turning_circle",
     "write_ship",
+    "zig_zag",
 ]
