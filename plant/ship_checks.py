@@ -26,13 +26,13 @@ def check_terms(ship: Ship) -> None:
     ids = [term.id for term in ship.term]
     if twice := [name for name in ids if ids.count(name) > 1]:
         raise ValueError(f"term {twice[0]!r} stands twice")
+    own = [name for name in TERM_SIGNALS if ship.turns or name not in OF_A_TURN]
     for name in ship.signals:
-        own = name in TERM_SIGNALS and (ship.turns or name not in OF_A_TURN)
-        if own or name in FUNCTIONS:
+        if name in own or name in FUNCTIONS:
             raise ValueError(f"signals.{name}: a name of its own is needed")
     for term in ship.term:
         if unknown := [name for name in ship.heard_by(term) if name not in ship.signals]:
-            known = [*TERM_SIGNALS, *term.parameters, *ship.signals]
+            known = [*own, *term.parameters, *ship.signals]
             raise ValueError(
                 f"term {term.id!r}: {unknown[0]!r} is unknown; known: {', '.join(known)}; a "
                 "signal from outside the ship is named, with its unit, under [signals]"
