@@ -7,36 +7,54 @@ of several: it moves the rack.
 """
 
 from .anti_spin import AntiSpin, AntiSpinTuning
+from .autopilot import Autopilot
 from .combinator import Combinator, Curve, combinator_curve, curve_through
 from .combinator_surface import CombinatorSurface, combinator_surface
 from .controller import OBSERVED, Controller, Readings, readings
 from .cpp_optimiser import CppOptimiser
 from .governor import Governor
-from .registry import ControllerError, controller_names, make_controller
+from .helmsman import Course, Helmsman
+from .loops import controller_loop, helmsman_loop
+from .registry import (
+    ControllerError,
+    controller_names,
+    helmsman_names,
+    make_controller,
+    make_helmsman,
+)
 from .speed_pilot import SpeedPilot
 from .steady_points import SteadyPoint, steady_point
+from .track_keeper import TrackKeeper
 from .va_pitch import VaPitch
 
 __all__ = [
     "OBSERVED",
     "AntiSpin",
     "AntiSpinTuning",
+    "Autopilot",
     "Combinator",
     "CombinatorSurface",
     "Controller",
     "ControllerError",
+    "Course",
     "CppOptimiser",
     "Curve",
     "Governor",
+    "Helmsman",
     "Readings",
     "SpeedPilot",
     "SteadyPoint",
+    "TrackKeeper",
     "VaPitch",
     "combinator_curve",
     "combinator_surface",
+    "controller_loop",
     "controller_names",
     "curve_through",
+    "helmsman_loop",
+    "helmsman_names",
     "make_controller",
+    "make_helmsman",
     "readings",
     "steady_point",
 ]

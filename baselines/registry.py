@@ -1,4 +1,4 @@
-"""Controllers by name."""
+"""Controllers and helmsmen by name."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 from ..core.discovery import classes_in
 from ..plant.ship import Ship
 from .controller import Controller
+from .helmsman import ShapedHelmsman
 
 
 class ControllerError(ValueError):
@@ -23,6 +24,41 @@ _KNOWN: dict[str, tuple[type[Controller], Mapping[str, Any]]] = {
     for cls in _CLASSES
     for name, fixed in [(cls.name, {}), *cls.variants.items()]
 }
+
+
+_HELMSMEN = {
+    cls.name: cls
+    for cls in classes_in(__package__, ShapedHelmsman, but=("registry",))  # type: ignore[type-abstract]
+}
+
+
+def helmsman_names() -> list[str]:
+    """All that lay the rudder."""
+    return list(_HELMSMEN)
+
+
+def make_helmsman(
+    text: str, ship: Ship, interval_s: float, speed_m_s: float | None = None
+) -> ShapedHelmsman:
+    """A helmsman from ``NAME`` or ``NAME:option=number,option=number``.
+
+    Args:
+        text: name and options, such as ``autopilot:turn_deg=4``.
+        ship: that turns.
+        interval_s: control interval [s].
+        speed_m_s: at which his loop is shaped [m/s]; that of a usual load by default.
+
+    Raises:
+        ControllerError: unknown name, or an option that he does not take.
+        ShipError: a ship that cannot be steered.
+    """
+    name, options = read_options(text)
+    if name not in _HELMSMEN:
+        raise ControllerError(f"unknown helmsman {name!r}; known: {', '.join(_HELMSMEN)}")
+    try:
+        return _HELMSMEN[name](ship, interval_s, speed_m_s, **options)
+    except TypeError as error:
+        raise ControllerError(f"{text!r}: {error}") from None
 
 
 def controller_names() -> list[str]:

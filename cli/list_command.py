@@ -8,7 +8,7 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from ..baselines import controller_names
+from ..baselines import controller_names, helmsman_names
 from ..core.files import write_text
 from ..display.tables import markdown
 from ..envs import tasks
@@ -37,6 +37,7 @@ def registries() -> dict[str, pd.DataFrame]:
         ),
         "Observers": pd.DataFrame({"observer": observer_names()}),
         "Controllers": pd.DataFrame({"controller": controller_names()}),
+        "Helmsmen": pd.DataFrame({"helmsman": helmsman_names()}),
         "Tasks": pd.DataFrame(
             [(name, task.description) for name, task in tasks().items()],
             columns=["task", "description"],

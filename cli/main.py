@@ -11,6 +11,7 @@ from . import (
     evaluate_command,
     identify_command,
     list_command,
+    loop_command,
     manoeuvre_command,
     new_ship_command,
     prove_command,
@@ -34,6 +35,7 @@ app.command("tour")(tour_command.tour)
 app.command("new-ship")(new_ship_command.new_ship)
 app.command("simulate")(simulate_command.simulate)
 app.command("manoeuvre")(manoeuvre_command.manoeuvre)
+app.command("loop")(loop_command.loop)
 app.command("reproduce")(reproduce_command.reproduce)
 app.command("train")(train_command.train)
 app.command("tune")(tune_command.tune)

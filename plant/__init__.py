@@ -2,6 +2,7 @@
 
 from .approach import approach
 from .linear import linearise
+from .loops import Loop
 from .manoeuvres import spiral, turning_circle, zig_zag
 from .recording import RecordingError, read_recording
 from .replay import simulate_recording
@@ -17,6 +18,7 @@ from .waves import Sea, get_sea, realise
 
 __all__ = [
     "Equilibrium",
+    "Loop",
     "Nomoto",
     "RecordingError",
     "Schedule",

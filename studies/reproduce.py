@@ -20,6 +20,8 @@ from .augmented_filter.esso_osaka import COEFFICIENTS
 from .ferry import levers
 from .ferry.lever_tables import against_combinator
 from .side_by_side import reasons_text, side_by_side
+from .steering import page as steering_page
+from .steering import results as steering_results
 from .storms import page as storm_page
 from .storms import results as storm_results
 from .thesis import (
@@ -263,6 +265,27 @@ def reproduce_augmented_filter(folder: Path, tick: Tick) -> Reproduced:
     return Reproduced(filter_page.TITLE, shown, filter_page.WHY, numbers)
 
 
+def _page(name: str, title: str, page: steering_page.Page, folder: Path) -> Reproduced:
+    shown = steering_page.table(page.rows)
+    write_table(
+        folder, name, title, f"shaftline reproduce {name}", pd.DataFrame(page.rows), page.body
+    )
+    for file, figure in page.figures.items():
+        figures.save(figure, folder / "figures" / f"{file}.png")
+    return Reproduced(title, shown, steering_page.reasons(page.rows), page.numbers)
+
+
+def reproduce_autopilot(folder: Path, tick: Tick) -> Reproduced:
+    """Section 5.2 of Taylor 2000, Figures 5-4 to 5-13."""
+    found = steering_page.autopilot(tick)
+    return _page("autopilot", steering_page.AUTOPILOT_TITLE, found, folder)
+
+
+def reproduce_track(folder: Path, tick: Tick) -> Reproduced:
+    """Section 5.3 of Taylor 2000, Figures 5-15 to 5-24."""
+    return _page("track", steering_page.TRACK_TITLE, steering_page.track(tick), folder)
+
+
 TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
     "working-points": (reproduce_working_points, 1),
     "poles": (reproduce_poles, 1),
@@ -276,5 +299,7 @@ TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
     "levers": (reproduce_levers, levers.TICKS),
     "tito-neri": (reproduce_tito_neri, identification_page.TICKS),
     "augmented-filter": (reproduce_augmented_filter, filter_results.TICKS),
+    "autopilot": (reproduce_autopilot, steering_results.AUTOPILOT_TICKS),
+    "track": (reproduce_track, steering_results.TRACK_TICKS),
 }
 """Every table by name, and how many ticks it makes."""

@@ -1,0 +1,106 @@
+"""Figures of a feedback loop: its gain and phase with the margins, S and T, and a step of the order."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ..plant.loops import Loop
+from .figures import PALETTE, THESIS, TRUTH, new_figure
+
+_LEAST_DB = -90.0  # below it nothing of a loop is worth a line
+
+
+def loop_figure(
+    loop: Loop, title: str, unit: str = "s", asked: tuple[float, float] | None = None
+) -> Figure:
+    """A loop in four panels.
+
+    Args:
+        loop: that is stable.
+        title: of the figure.
+        unit: of its time.
+        asked: frequency below which |L| should exceed a gain, and that gain [dB]; none by default.
+    """
+    margins = loop.margins()
+    grid = _grid(loop, margins.crossover)
+    response = loop.response(grid)
+    figure, axes = new_figure(2, 2, (11.5, 7.0))
+    figure.suptitle(title, fontsize=12)
+    gain, closed, phase, step = axes.flat
+    level = 20.0 * np.log10(np.abs(response))
+    gain.semilogx(grid, level, color=PALETTE[1])
+    gain.axhline(0.0, color=THESIS, linewidth=0.7)
+    gain.set_ylabel("|L| [dB]")
+    gain.set_ylim(max(level.min(), _LEAST_DB), min(level.max(), 80.0) + 5.0)
+    if asked is not None:
+        gain.hlines(asked[1], grid[0], asked[0], color=PALETTE[0], linewidth=2.0)
+        gain.annotate(
+            f"at least {asked[1]:g} dB", (asked[0], asked[1]), (6, -3), fontsize=8,
+            textcoords="offset points", color=PALETTE[0], va="top",
+        )  # fmt: skip
+    degrees = np.degrees(np.unwrap(np.angle(response)))
+    at = float(np.interp(margins.crossover, grid, degrees))
+    degrees += 360.0 * round((margins.phase_margin_deg - 180.0 - at) / 360.0)
+    phase.semilogx(grid, degrees, color=PALETTE[1])
+    phase.axhline(-180.0, color=THESIS, linewidth=0.7)
+    phase.set_ylim(max(degrees.min() - 10.0, -450.0), max(degrees.max(), -90.0) + 15.0)
+    phase.set_ylabel("phase of L [deg]")
+    phase.set_xlabel(f"frequency [rad/{unit}]")
+    if np.isfinite(margins.crossover):
+        phase.vlines(
+            margins.crossover, -180.0, margins.phase_margin_deg - 180.0, color=PALETTE[0], lw=2
+        )
+        phase.annotate(
+            f"{margins.phase_margin_deg:.1f}°", (margins.crossover, -175.0), (6, 0), fontsize=9,
+            textcoords="offset points", color=PALETTE[0],
+        )  # fmt: skip
+    if np.isfinite(margins.gain_margin_dB):
+        gain.vlines(margins.phase_crossover, -margins.gain_margin_dB, 0.0, color=PALETTE[0], lw=2)
+        gain.annotate(
+            f"{margins.gain_margin_dB:.1f} dB", (margins.phase_crossover, 0.0), (6, -12), fontsize=9,
+            textcoords="offset points", color=PALETTE[0],
+        )  # fmt: skip
+    sensitivity = 1.0 / (1.0 + response)
+    for values, name, colour in (
+        (sensitivity, "S, from a disturbance", PALETTE[1]),
+        (response * sensitivity, "T, from the noise", PALETTE[2]),
+    ):
+        closed.semilogx(grid, 20.0 * np.log10(np.abs(values)), color=colour, label=name)
+    closed.axhline(0.0, color=THESIS, linewidth=0.7)
+    closed.set_ylim(-60.0, 20.0)
+    closed.set_ylabel("|S|, |T| [dB]")
+    closed.legend(fontsize=8, frameon=False, loc="lower center")
+    _draw_step(step, loop, unit)
+    return figure
+
+
+def _grid(loop: Loop, crossover: float) -> NDArray[np.float64]:
+    """Two decades to either side of the crossover, as far as a loop with intervals has them."""
+    if not np.isfinite(crossover):
+        return loop.frequencies()
+    top = np.pi / loop.interval if loop.interval else np.inf
+    return np.geomspace(crossover / 120.0, min(120.0 * crossover, top), 2000)
+
+
+def _draw_step(axis: Axes, loop: Loop, unit: str) -> None:
+    """The answer to a step of the order, with its overshoot and the time in which it settles."""
+    time, output = loop.step()
+    measures = loop.step_measures()
+    last = measures.last_value
+    shown = time <= 2.5 * measures.settling if np.isfinite(measures.settling) else time >= 0.0
+    draw = "steps-post" if loop.interval else "default"
+    axis.plot(time[shown], output[shown], color=TRUTH, drawstyle=draw)
+    axis.axhspan(0.98 * last, 1.02 * last, color=PALETTE[3], alpha=0.25, lw=0)
+    axis.axvline(measures.settling, color=PALETTE[0], linewidth=0.9, linestyle="--")
+    axis.annotate(
+        f"overshoot {measures.overshoot_percent:.1f} %, within 2 % after {measures.settling:.3g} {unit}",
+        (0.97, 0.06),
+        xycoords="axes fraction",
+        ha="right",
+        fontsize=9,
+    )
+    axis.set_ylabel("answer to a step of the order")
+    axis.set_xlabel(f"time [{unit}]")
