@@ -21,9 +21,11 @@ from .registry import (
     helmsman_names,
     make_controller,
     make_helmsman,
+    make_steering,
 )
 from .speed_pilot import SpeedPilot
 from .steady_points import SteadyPoint, steady_point
+from .steering import SteeringController
 from .track_keeper import TrackKeeper
 from .va_pitch import VaPitch
 
@@ -44,6 +46,7 @@ __all__ = [
     "Readings",
     "SpeedPilot",
     "SteadyPoint",
+    "SteeringController",
     "TrackKeeper",
     "VaPitch",
     "combinator_curve",
@@ -55,6 +58,7 @@ __all__ = [
     "helmsman_names",
     "make_controller",
     "make_helmsman",
+    "make_steering",
     "readings",
     "steady_point",
 ]

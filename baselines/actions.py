@@ -41,14 +41,23 @@ def encode(value: float, low: float, high: float) -> float:
 
 @compiled
 def _encode_all(
-    plant: Record,
-    pitch_ratio: NDArray[np.float64],
-    fuel_rack: NDArray[np.float64],
-    action: NDArray[np.float32],
+    value: NDArray[np.float64], low: float, high: float, action: NDArray[np.float32]
 ) -> None:
     for i in range(len(action)):
-        action[i, 0] = encode(pitch_ratio[i], plant.pitch_ratio_min, plant.pitch_ratio_max)
-        action[i, 1] = encode(fuel_rack[i], plant.drive_min, plant.drive_max)
+        action[i] = encode(value[i], low, high)
+
+
+def encode_all(value: Any, low: float, high: float) -> NDArray[np.float32]:
+    """Actions in [-1, 1] of many commands over one range; as :func:`encode`.
+
+    Args:
+        value: commands, shape (n,).
+        low: command of an action of -1.
+        high: command of an action of 1.
+    """
+    action = np.empty(np.size(value), np.float32)
+    _encode_all(np.ascontiguousarray(value, dtype=np.float64), float(low), float(high), action)
+    return action
 
 
 def actions(plant: Record, pitch_ratio: Any, fuel_rack: Any) -> NDArray[np.float32]:
@@ -59,8 +68,9 @@ def actions(plant: Record, pitch_ratio: Any, fuel_rack: Any) -> NDArray[np.float
         pitch_ratio: commanded P/D [-], shape (n,).
         fuel_rack: commanded rack [mm], shape (n,).
     """
-    pitch = np.ascontiguousarray(pitch_ratio, dtype=np.float64)
-    rack = np.ascontiguousarray(fuel_rack, dtype=np.float64)
-    action = np.empty((len(pitch), 2), np.float32)
-    _encode_all(plant, pitch, rack, action)
-    return action
+    return np.column_stack(
+        [
+            encode_all(pitch_ratio, plant["pitch_ratio_min"], plant["pitch_ratio_max"]),
+            encode_all(fuel_rack, plant["drive_min"], plant["drive_max"]),
+        ]
+    )

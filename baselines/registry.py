@@ -9,6 +9,7 @@ from ..core.discovery import classes_in
 from ..plant.ship import Ship
 from .controller import Controller
 from .helmsman import ShapedHelmsman
+from .steering import SteeringController
 
 
 class ControllerError(ValueError):
@@ -116,3 +117,22 @@ def _known(name: str) -> tuple[type[Controller], Mapping[str, Any]]:
     if name not in _KNOWN:
         raise ControllerError(f"unknown controller {name!r}; known: {', '.join(_KNOWN)}")
     return _KNOWN[name]
+
+
+def make_steering(text: str, ship: Ship, interval_s: float) -> SteeringController:
+    """A whole controller from ``HELMSMAN+CONTROLLER``, each with its options.
+
+    Args:
+        text: such as ``autopilot:gain=2+speed-pilot``; without a second part the speed pilot sails.
+        ship: that turns, with a diesel.
+        interval_s: control interval [s].
+
+    Raises:
+        ControllerError: an unknown name, or an option that is not taken.
+        ShipError: a ship that cannot be steered.
+    """
+    helmsman, _, propulsion = text.partition("+")
+    return SteeringController(
+        make_controller(propulsion or "speed-pilot", ship, interval_s),
+        make_helmsman(helmsman, ship, interval_s),
+    )

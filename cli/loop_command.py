@@ -130,10 +130,8 @@ def _loop(
         held: ShapedHelmsman = helmsman
         return helmsman_loop(held), f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s"
     if name not in controller_names():
-        raise ValueError(
-            f"unknown controller {text!r}; known: {', '.join([*controller_names(), *helmsman_names()])}, "
-            "or a law such as 3,0.4/1,0"
-        )
+        known = ", ".join([*controller_names(), *helmsman_names()])
+        raise ValueError(f"unknown controller {text!r}; known: {known}, or a law such as 3,0.4/1,0")
     made: Controller = make_controller(text, ship, interval)
     what = f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s, opened at {command}"
     return controller_loop(made, speed, command), what

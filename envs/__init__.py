@@ -1,4 +1,5 @@
-"""The Gymnasium environment around the plant; importing it registers ``shaftline/Frigate-v0``.
+"""The Gymnasium environment around the plant; importing it registers ``shaftline/Frigate-v0`` and
+``shaftline/Steering-v0``.
 
 ``Sb3Frigates`` needs ``pip install 'shaftline[train]'`` and is imported when first used: torch takes
 seconds.
@@ -11,11 +12,18 @@ from gymnasium.envs.registration import register, registry
 from .frigate import FrigateEnv, FrigateVectorEnv
 from .rewards import TERMS, Weights
 from .settings import DEFAULTS, Settings
+from .steering import SteeringEnv, SteeringVectorEnv
 from .tasks import Task, get_task, tasks
 
 if TYPE_CHECKING:
     from .sb3 import Sb3Frigates
 
+if "shaftline/Steering-v0" not in registry:
+    register(
+        id="shaftline/Steering-v0",
+        entry_point="shaftline.envs.steering:SteeringEnv",
+        vector_entry_point="shaftline.envs.steering:SteeringVectorEnv",
+    )
 if "shaftline/Frigate-v0" not in registry:
     register(
         id="shaftline/Frigate-v0",
@@ -24,7 +32,8 @@ if "shaftline/Frigate-v0" not in registry:
     )
 
 __all__ = [
-    "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Sb3Frigates", "Settings", "Task",
+    "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Sb3Frigates", "Settings", "SteeringEnv",
+    "SteeringVectorEnv", "Task",
     "Weights", "get_task", "tasks",
 ]  # fmt: skip
 

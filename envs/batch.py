@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 
 from ..baselines.controller import OBSERVED
 from ..baselines.governor import tune
+from ..baselines.steering import OBSERVED_STEERED
 from ..observers import get_observer
 from ..observers.base import ESTIMATE
 from ..plant import Ship, equilibrium, realise
 from ..plant.dynamics import settled
+from ..plant.helm import refuse_to_steer
 from ..plant.hull import resistance, water_speed, wave_resistance
 from ..plant.state import Inputs, State
 from ..plant.stepping import Disturbance, prepare
+from ..plant.terms import Term
 from ..plant.waves import calm
 from .kernel import control_interval, first_observation
 from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
@@ -76,6 +79,23 @@ def _governor_gains(ship: Ship) -> NDArray[np.float64]:
     return np.array(tune(ship, ship.time_step_s))
 
 
+DRIFT_ARM = 0.1
+"""Where the slow side force of waves and wind acts: before midship, in ship lengths; assumed."""
+
+
+def pushed(ship: Ship) -> Ship:
+    """The same ship as a steered environment has it: she hears a slow side force.
+
+    Args:
+        ship: that turns.
+    """
+    force = Term(
+        id="drift-force", acts_on="side_force", expression="drift_force",
+        also={"yaw_moment": f"{DRIFT_ARM * ship.manoeuvring.length_m!r} * drift_force"},
+    )  # fmt: skip
+    return ship.with_signals({"drift_force": "N"}).with_values({"term": [*ship.term, force]})
+
+
 class Arrays(NamedTuple):
     """A batch by kind of record, each an array of shape (n,) that shares its memory with the batch."""
 
@@ -99,15 +119,21 @@ class Batch:
     Args:
         n: how many.
         settings: of all of them.
+        steered: whether the rudder is an action.
 
     Raises:
-        ValueError: something that does not exist or is out of range.
+        ValueError: something that does not exist or is out of range, or a task or ship that is not
+            steered so.
     """
 
-    def __init__(self, n: int, settings: Settings) -> None:
-        self.settings = settings
+    def __init__(self, n: int, settings: Settings, steered: bool = False) -> None:
+        self.settings, self.steered = settings, steered
         self.task = get_task(settings.task)
         self.ship = self.task.sailed(settings.ship)
+        if steered:
+            refuse_to_steer(self.ship)
+        elif self.task.steered:
+            raise ValueError(f"task {settings.task!r} steers: make shaftline/Steering-v0")
         if not (self.ship.has_diesel and self.ship.moves and self.ship.has_propeller):
             raise ValueError(
                 f"{self.ship.name}: the environment needs a diesel ship that moves by a propeller"
@@ -126,7 +152,7 @@ class Batch:
             self.gains = _governor_gains(self.ship)
         self.table = _steady_table(self.ship)
         self._loads, self._tables = _loaded(self.ship)
-        self._plant = self.ship.record()
+        self._plant = (pushed(self.ship) if steered else self.ship).record()
         self.n = n
         observer = get_observer(settings.observer, settings.tuning).discretise(self.ship, self.dt)
         self.environments = np.zeros(n, ENVIRONMENT)
@@ -143,12 +169,22 @@ class Batch:
         return Arrays(*(self.environments[name] for name in ENVIRONMENT.names or ()))
 
     @property
+    def observed(self) -> tuple[str, ...]:
+        """Signals of an observation, in order."""
+        return OBSERVED_STEERED if self.steered else OBSERVED
+
+    @property
+    def actions(self) -> int:
+        """How many numbers an action has."""
+        return 3 if self.steered else 2
+
+    @property
     def observation(self) -> NDArray[np.float32]:
-        """The observations as plain rows, shape (n, 8)."""
+        """The observations as plain rows, shape (n, 8), or (n, 14) where the ship is steered."""
         # a record's field is no contiguous array, so its rows are laid over the records' memory
         offset = _FIELDS["observation"][1]
         return np.ndarray(
-            (self.n, len(OBSERVED)), np.float32, self.environments.view(np.uint8), offset,
+            (self.n, len(self.observed)), np.float32, self.environments.view(np.uint8), offset,
             (ENVIRONMENT.itemsize, 4),
         )  # fmt: skip
 
@@ -164,7 +200,8 @@ class Batch:
             ValueError: an unknown option, or a value out of range.
         """
         known = self.table["ship_speed"]
-        return Begin.of(options, self.task, (float(known[0]), float(known[-1])))
+        speeds = (float(known[0]), float(known[-1]))
+        return Begin.of(options, self.task, speeds, self.steered)
 
     def reset(self, i: int, rng: np.random.Generator, begin: Begin) -> None:
         """Begin a new episode of environment ``i``.
@@ -192,8 +229,25 @@ class Batch:
         episode["resistance_swing"] = task.resistance_swing
         episode["resistance_frequency"] = 2.0 * math.pi / rng.uniform(60.0, 180.0)
         episode["resistance_phase"] = rng.uniform(0.0, 2.0 * math.pi)
+        if self.steered:
+            self._set_course(i, rng, begin)
         speed = begin.initial_speed_m_s
         self._start(i, float(episode["orders"][0]) if speed is None else speed)
+
+    def _set_course(self, i: int, rng: np.random.Generator, begin: Begin) -> None:
+        """Headings, lines, current and side force of an episode."""
+        task, episode = self.task, self.arrays.episodes[i]
+        headings = np.radians(rng.uniform(*task.heading_order_deg, MAX_ORDERS))
+        lines = rng.uniform(*task.track_order_m, MAX_ORDERS)
+        current = rng.uniform(*task.cross_current_m_s)
+        force = 1e3 * rng.uniform(*task.drift_force_kN)
+        episode["heading_orders"] = (
+            headings if begin.heading_orders is None else begin.heading_orders
+        )
+        episode["track_orders"] = lines if begin.track_orders is None else begin.track_orders
+        asked = begin.cross_current_m_s
+        self.arrays.plants[i]["cross_current"] = current if asked is None else asked
+        episode["drift_force"] = force if begin.drift_force_N is None else begin.drift_force_N
 
     def _sea(self, rng: np.random.Generator, begin: Begin) -> Any:
         """SEA record of an episode."""
@@ -230,6 +284,8 @@ class Batch:
         bare = State(
             at("pitch_ratio"), at("shaft_speed"), float(np.clip(speed, known[0], known[-1]))
         )
+        if self.steered:  # carried by the water
+            bare = bare._replace(sway_speed=float(plant["cross_current"]))
         inputs = Inputs(rack, float(episode["pitch_command"]), resistance_factor=load)
         arrays.states[i] = tuple(settled(plant, bare, inputs))
         arrays.estimates[i] = np.zeros(1, ESTIMATE)[0]
@@ -248,7 +304,7 @@ class Batch:
         """Carry every environment over one control interval; results stand in the arrays.
 
         Args:
-            action: shape (n, 2).
+            action: shape (n, 2), or (n, 3) where the ship is steered.
             pool: threads that do it; this one by default.
             shares: parts into which the batch is cut for them.
         """

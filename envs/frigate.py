@@ -1,11 +1,11 @@
-"""``shaftline/Frigate-v0``: the single environment and its vector form."""
+"""``shaftline/Frigate-v0`` and ``shaftline/Steering-v0``: single environments and their vector forms."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -23,18 +23,29 @@ from .records import TRUTHS
 from .rewards import TERMS
 from .settings import Settings
 
+_FAR = 1e9  # bound of what has none [rad, m]
 
-def observation_space() -> spaces.Box:
-    """Signals of ``baselines.controller.OBSERVED`` in physical units, with the registry's bounds."""
-    signals = [get_signal(name) for name in OBSERVED]
-    low = np.array([signal.low for signal in signals], np.float32)
-    high = np.array([signal.high for signal in signals], np.float32)
+
+def observation_space(observed: Sequence[str] = OBSERVED) -> spaces.Box:
+    """An observation in physical units, with the registry's bounds.
+
+    Args:
+        observed: its signals, in order.
+    """
+    signals = [get_signal(name) for name in observed]
+    # a heading that is not wrapped has no bound, but a space without one is of little use
+    low = np.array([max(signal.low, -_FAR) for signal in signals], np.float32)
+    high = np.array([min(signal.high, _FAR) for signal in signals], np.float32)
     return spaces.Box(low, high, dtype=np.float32)
 
 
-def action_space() -> spaces.Box:
-    """Pitch command and fuel rack command, each in [-1, 1] over the ship's range."""
-    return spaces.Box(-1.0, 1.0, (2,), np.float32)
+def action_space(numbers: int = 2) -> spaces.Box:
+    """Pitch command, fuel rack command and rudder command, each in [-1, 1] over the ship's range.
+
+    Args:
+        numbers: how many of them.
+    """
+    return spaces.Box(-1.0, 1.0, (numbers,), np.float32)
 
 
 def _checked(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
@@ -79,11 +90,13 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's way)
+    steered: ClassVar[bool] = False
+    defaults: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, *, render_mode: str | None = None, **settings: Any) -> None:
-        self.batch = Batch(1, Settings.of(settings))
-        self.observation_space: Any = observation_space()
-        self.action_space: Any = action_space()
+        self.batch = Batch(1, Settings.of(self.defaults | settings), self.steered)
+        self.observation_space: Any = observation_space(self.batch.observed)
+        self.action_space: Any = action_space(self.batch.actions)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"unknown render_mode {render_mode!r}; known: rgb_array")
         self.render_mode = render_mode
@@ -112,7 +125,7 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action over one control interval."""
         batch = self.batch
-        batch.step(_checked(action, (2,))[None])
+        batch.step(_checked(action, (batch.actions,))[None])
         env = batch.environments[0]
         ended = int(env["ended"])
         truncated = bool(env["episode"]["elapsed"] >= batch.settings.intervals)
@@ -147,13 +160,15 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
     """
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 (Gymnasium's way)
+    steered: ClassVar[bool] = False
+    defaults: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, num_envs: int = 1, *, threads: int | None = None, **settings: Any) -> None:
         settings.pop("render_mode", None)  # Gymnasium hands it to every vector form
-        self.batch = Batch(num_envs, Settings.of(settings))
+        self.batch = Batch(num_envs, Settings.of(self.defaults | settings), self.steered)
         self.num_envs = num_envs
-        self.single_observation_space = observation_space()
-        self.single_action_space = action_space()
+        self.single_observation_space = observation_space(self.batch.observed)
+        self.single_action_space = action_space(self.batch.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         workers = min(threads or os.cpu_count() or 1, num_envs)
@@ -201,7 +216,7 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
     ]:
         """Hold an action in each sub-environment over one control interval."""
         batch, arrays = self.batch, self.batch.arrays
-        batch.step(_checked(actions, (self.num_envs, 2)), self._pool, self._shares)
+        batch.step(_checked(actions, (self.num_envs, batch.actions)), self._pool, self._shares)
         terminated = arrays.ended != RUNNING
         truncated = batch.elapsed >= batch.settings.intervals
         reward = arrays.rewards.copy()

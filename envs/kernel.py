@@ -18,13 +18,15 @@ from ..core.compiled import Record, compiled
 from ..observers.base import Measurement
 from ..observers.registry import update
 from ..plant.cavitation import effective_attack, outside_bucket
-from ..plant.state import get_state
+from ..plant.rudder import rudder_angle
+from ..plant.state import State, get_state
 from ..plant.stepping import Disturbance, observe, step
-from ..plant.term_kernel import NO_SIGNALS
 from ..plant.waves import inflow_ahead
 from .randomness import normal
 from .records import MAX_ORDERS
 from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of
+
+DRIFT_SWING = 0.5  # amplitude of the slow swing of the side force, over its mean
 
 MEAN_S = 20.0  # over which a torque's mean is taken
 
@@ -39,16 +41,27 @@ ENDINGS = (None, "stalled", "overspeed trip")
 
 
 @compiled
+def order_at(episode: Record, time: float) -> int:
+    """Which of an episode's orders holds at a time since reset [s]."""
+    return min(int(time / episode.order_interval), MAX_ORDERS - 1)
+
+
+@compiled
 def speed_order(episode: Record, time: float) -> float:
     """Ordered ship speed [m/s] at a time since reset [s]."""
-    index = min(int(time / episode.order_interval), MAX_ORDERS - 1)
-    return float(episode.orders[index])
+    return float(episode.orders[order_at(episode, time)])
 
 
 @compiled
 def resistance_angle(episode: Any, time: Any) -> Any:
     """Angle [rad] of the slow swing of the resistance at a time since reset [s]; of one or of many."""
     return episode.resistance_frequency * time + episode.resistance_phase
+
+
+@compiled
+def shorter_way(angle: float) -> float:
+    """The same angle [rad] within half a turn to either side."""
+    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @compiled
@@ -59,14 +72,15 @@ def _unit_phasor(angle: float) -> complex:
 
 @compiled
 def _swung(episode: Record, swing: complex) -> Disturbance:
-    """Disturbance where the slow swing of the resistance has a unit phasor [-]."""
+    """Disturbance where the slow swing of resistance and side force has a unit phasor [-]."""
     factor = episode.resistance_mean + episode.resistance_swing * swing.imag
-    return Disturbance(0.0, 0.0, factor, NO_SIGNALS)
+    drift = episode.drift_force * (1.0 + DRIFT_SWING * swing.real)
+    return Disturbance(0.0, 0.0, factor, (drift, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @compiled
 def disturbance(episode: Record, time: float) -> Disturbance:
-    """Disturbance at a time since reset [s]: resistance with the episode's mean and a slow swing."""
+    """Disturbance at a time since reset [s]: resistance and side force, means and a slow swing."""
     return _swung(episode, _unit_phasor(resistance_angle(episode, time)))
 
 
@@ -116,6 +130,19 @@ def _measure(
 
 
 @compiled
+def _see_course(env: Record, noise: Record, now: State, laid: float, time: float) -> None:
+    """Fill what a helmsman sees of a ship that turns, at a state with the rudder laid to an angle."""
+    episode, seen = env.episode, env.observation
+    index = order_at(episode, time)
+    seen.heading_order = episode.heading_orders[index]
+    seen.heading = now.heading + noise.heading * normal(episode)
+    seen.yaw_rate = now.yaw_rate + noise.yaw_rate * normal(episode)
+    seen.rudder_angle = laid + noise.rudder_angle * normal(episode)
+    seen.cross_track_order = episode.track_orders[index]
+    seen.cross_track = now.cross_track + noise.cross_track * normal(episode)
+
+
+@compiled
 def first_observation(
     environments: Any, common: Record, dt: float, which: NDArray[np.int64]
 ) -> None:
@@ -136,6 +163,8 @@ def first_observation(
             env, common.noise, outputs.shaft_acceleration,
             outputs.advance_velocity, env.memory.speed_log, speed_order(episode, 0.0),
         )  # fmt: skip
+        if env.plant.turns != 0:
+            _see_course(env, common.noise, get_state(state), 0.0, 0.0)
 
 
 @compiled
@@ -172,8 +201,9 @@ def control_interval(
         common: COMMON record.
         gains: of the governor: shaft speed, k_p, k_i by row, shape (3, m); shape (3, 0) leaves the
             rack to the action.
-        action: in [-1, 1], shape (n, 2), over the ship's ranges: pitch command, and fuel rack command
-            or, where there is a governor, shaft speed set-point.
+        action: in [-1, 1], shape (n, 2) or (n, 3), over the ship's ranges: pitch command, fuel rack
+            command or, where there is a governor, shaft speed set-point, and rudder command; amidships
+            where it is not given.
         steps: plant steps in the interval.
         dt: plant step [s].
         first: first environment.
@@ -192,8 +222,12 @@ def control_interval(
             plant.engine_speed_min / plant.gear_ratio,
             plant.engine_speed_max / plant.gear_ratio,
         )
+        rudder = 0.0
+        if action.shape[1] > 2:
+            rudder = decode(action[i, 2], -plant.rudder_max, plant.rudder_max)
+        laid = rudder_angle(plant, state.rudder_angle, episode.rudder_command)
         clear_terms(terms)
-        episode.pitch_command = pitch
+        episode.pitch_command, episode.rudder_command = pitch, rudder
         # the swing turns on by half steps: n of them leave its phasor wrong by less than n times 1e-15
         swing = _unit_phasor(resistance_angle(episode, episode.elapsed * steps * dt))
         half_step = _unit_phasor(0.5 * dt * episode.resistance_frequency)
@@ -207,13 +241,15 @@ def control_interval(
                     plant, set_point, episode.measured_shaft_speed, episode.integral, proportional,
                     integral_gain,
                 )  # fmt: skip
-            shaft_speed, ship_speed, log = state.shaft_speed, state.ship_speed, memory.speed_log
+            before, log = get_state(state), memory.speed_log
+            shaft_speed, ship_speed = before.shaft_speed, before.ship_speed
             start, middle = end, _swung(episode, swing * half_step)
             swing = swing * half_step * half_step
             end = _swung(episode, swing)
             outputs = step(
-                plant, state, memory, env.sea, drive, pitch, 0.0, start, middle, end, dt,
+                plant, state, memory, env.sea, drive, pitch, rudder, start, middle, end, dt,
             )  # fmt: skip
+            laid_before, laid = laid, rudder_angle(plant, state.rudder_angle, rudder)
             torque_before = episode.gauge_torque
             episode.gauge_torque = outputs.shaft_torque
             attack = effective_attack(
@@ -228,7 +264,9 @@ def control_interval(
             now = Instant(
                 order, ship_speed, shaft_speed, memory.rack, drive, episode.drive, torque_before,
                 episode.mean_torque, episode.mean_brake_torque, attack, episode.mean_attack, outside,
-                dt,
+                shorter_way(before.heading - episode.heading_orders[order_at(episode, time)]),
+                before.cross_track - episode.track_orders[order_at(episode, time)],
+                laid - laid_before, dt,
             )  # fmt: skip
             add_terms(terms, plant, outputs, now, share, fuel)
             episode.drive = drive
@@ -244,10 +282,15 @@ def control_interval(
             truth.blade_pitch = outputs.pitch_ratio
             truth.angle_of_attack = attack
             truth.outside_bucket = outside
+            truth.heading = before.heading
+            truth.cross_track = before.cross_track
+            truth.rudder_angle = laid_before
             _measure(
                 env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity,
                 log, order,
             )  # fmt: skip
+            if plant.turns != 0:
+                _see_course(env, common.noise, before, laid_before, time)
         env.ended = _why_ended(plant, state.shaft_speed)
         terms.failure = 0.0 if env.ended == RUNNING else 1.0
         env.reward = reward_of(common.weights, terms)

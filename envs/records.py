@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..baselines.controller import OBSERVED
+from ..baselines.steering import OBSERVED_STEERED
 from ..observers.base import ESTIMATE, OBSERVER
 from ..plant.memory import MEMORY
 from ..plant.record import PLANT
@@ -20,11 +20,15 @@ EPISODE = np.dtype(
         ("elapsed", np.int64),  # control intervals since reset
         ("orders", np.float64, (MAX_ORDERS,)),  # ordered ship speeds [m/s], one an order interval
         ("order_interval", np.float64),  # [s]
+        ("heading_orders", np.float64, (MAX_ORDERS,)),  # [rad], likewise
+        ("track_orders", np.float64, (MAX_ORDERS,)),  # cross track [m], likewise
+        ("drift_force", np.float64),  # mean of the slow side force, to starboard [N]
         ("resistance_mean", np.float64),  # d_c1 [-]
         ("resistance_swing", np.float64),
         ("resistance_frequency", np.float64),  # [rad/s]
         ("resistance_phase", np.float64),
         ("pitch_command", np.float64),
+        ("rudder_command", np.float64),  # [rad]
         ("drive", np.float64),
         ("gauge_torque", np.float64),  # last sample [N m]
         ("mean_torque", np.float64),  # over the last MEAN_S [N m]
@@ -39,12 +43,15 @@ EPISODE = np.dtype(
 
 NOISE = np.dtype(
     [("shaft_speed", np.float64), ("shaft_torque", np.float64), ("pitch_ratio", np.float64),
-     ("shaft_acceleration", np.float64), ("ship_speed", np.float64)]
+     ("shaft_acceleration", np.float64), ("ship_speed", np.float64), ("heading", np.float64),
+     ("yaw_rate", np.float64), ("rudder_angle", np.float64), ("cross_track", np.float64)]
 )  # fmt: skip
-"""Rms noise of each instrument per sample [rad/s, N m, -, rad/s2, m/s]."""
+"""Rms noise of each instrument per sample [rad/s, N m, -, rad/s2, m/s, rad, rad/s, rad, m]."""
 
-OBSERVATION = np.dtype([(name, np.float32) for name in OBSERVED])
-"""An observation by name; seen as a plain row it is what an agent gets."""
+OBSERVATION = np.dtype([(name, np.float32) for name in OBSERVED_STEERED])
+"""An observation by name; seen as a plain row it is what an agent gets, of a ship that is not steered as
+far as :data:`OBSERVED` goes.
+"""
 
 TRUTH = np.dtype(
     [
@@ -60,6 +67,9 @@ TRUTH = np.dtype(
         ("blade_pitch", np.float64),  # P/D [-]
         ("angle_of_attack", np.float64),  # effective, of the blades [deg]
         ("outside_bucket", np.float64),  # how far it lies outside the cavitation bucket [deg]
+        ("heading", np.float64),  # to starboard of the first course [rad]
+        ("cross_track", np.float64),  # to starboard of the first course [m]
+        ("rudder_angle", np.float64),  # [rad]
     ]
 )
 """What ``info`` tells of the truth: at the beginning of an interval's last step, as the observation."""

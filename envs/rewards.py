@@ -6,6 +6,7 @@ A new term is a field of :class:`Weights` and its line in :func:`add_terms`; tas
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -57,6 +58,9 @@ class Weights(BaseModel):
         ge=0,
         description="engine torque in the last 5 % below the envelope, as share of these",
     )
+    heading_error_deg: float = Field(0.0, ge=0, description="|heading - order|, by the shorter way")
+    track_error_m: float = Field(0.0, ge=0, description="|cross track - order|")
+    rudder_rate_deg_s: float = Field(0.0, ge=0, description="mean |d delta / dt| of the rudder")
     failure: float = Field(
         500.0,
         ge=0,
@@ -89,6 +93,9 @@ class Instant(NamedTuple):
     attack: float  # effective angle of attack of the blades [deg]
     mean_attack: float  # likewise over the last 20 s [deg]
     outside_bucket: float  # how far it lies outside the cavitation bucket [deg]
+    heading_error: float  # by the shorter way [rad]
+    track_error: float  # [m]
+    rudder_turn: float  # of the rudder over the step [rad]
     dt: float  # [s]
 
 
@@ -127,6 +134,9 @@ def add_terms(
     terms.engine_swing_kN_m += share * 1e-3 * abs(outputs.brake_torque - now.mean_brake_torque)
     terms.attack_swing_deg += share * abs(now.attack - now.mean_attack)
     terms.outside_bucket_deg += share * now.outside_bucket
+    terms.heading_error_deg += share * math.degrees(abs(now.heading_error))
+    terms.track_error_m += share * abs(now.track_error)
+    terms.rudder_rate_deg_s += share * math.degrees(abs(now.rudder_turn)) / now.dt
     terms.near_limit += share * min(max((asked / limit - 1.0) / NEAR_LIMIT + 1.0, 0.0), 1.0)
 
 

@@ -174,6 +174,11 @@ def noise_of(ship: Ship, choice: float | Mapping[str, float]) -> Any:
     record["pitch_ratio"] = 4e-3
     record["shaft_acceleration"] = 2e-2
     record["ship_speed"] = 5e-2
+    # gyrocompass, rate gyro, rudder feedback, position behind a navigation filter
+    record["heading"] = math.radians(0.1)
+    record["yaw_rate"] = math.radians(0.02)
+    record["rudder_angle"] = math.radians(0.1)
+    record["cross_track"] = 5e-2
     for name in names:
         record[name] *= choice
     return record
@@ -205,6 +210,9 @@ def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
 OPTIONS = ("sea", "speed_order_m_s", "order_interval_s", "initial_speed_m_s", "resistance_rise")
 """What ``reset(options=...)`` takes."""
 
+STEERED_OPTIONS = ("heading_order_deg", "track_order_m", "cross_current_m_s", "drift_force_kN")
+"""And besides, of a ship that is steered."""
+
 
 @dataclass(frozen=True)
 class Begin:
@@ -216,6 +224,10 @@ class Begin:
         order_interval_s: [s].
         initial_speed_m_s: ship speed [m/s] at which the episode begins; the first order by default.
         resistance_rise: of the mean resistance [-]; None draws it.
+        heading_orders: [rad], one an order interval, the last held; None draws them.
+        track_orders: cross tracks [m], likewise.
+        cross_current_m_s: of the water, to starboard of the first course [m/s]; None draws it.
+        drift_force_N: mean of the slow side force, to starboard [N]; None draws it.
     """
 
     seas: list[SeaRange | None] | None
@@ -223,45 +235,70 @@ class Begin:
     order_interval_s: float
     initial_speed_m_s: float | None
     resistance_rise: float | None
+    heading_orders: NDArray[np.float64] | None = None
+    track_orders: NDArray[np.float64] | None = None
+    cross_current_m_s: float | None = None
+    drift_force_N: float | None = None
 
     @staticmethod
-    def of(options: Mapping[str, Any] | None, task: Task, speeds: tuple[float, float]) -> Begin:
-        """From the options of a reset, :data:`OPTIONS`.
+    def of(
+        options: Mapping[str, Any] | None,
+        task: Task,
+        speeds: tuple[float, float],
+        steered: bool = False,
+    ) -> Begin:
+        """From the options of a reset, :data:`OPTIONS` and, steered, :data:`STEERED_OPTIONS`.
 
         Args:
             options: of the reset, or None.
             task: decides what the options leave open.
             speeds: lowest and highest at which the ship can begin [m/s].
+            steered: whether the rudder is an action.
 
         Raises:
             ValueError: an unknown option, or a value out of range.
         """
         given = dict(options or {})
-        unknown = sorted(set(given) - set(OPTIONS))
+        known = (*OPTIONS, *(STEERED_OPTIONS if steered else ()))
+        unknown = sorted(set(given) - set(known))
         if unknown:
-            raise ValueError(f"unknown option {unknown[0]!r}; known: {', '.join(OPTIONS)}")
-        orders = None
-        if "speed_order_m_s" in given:
-            asked = np.atleast_1d(given["speed_order_m_s"])
-            if asked.ndim != 1 or not 1 <= len(asked) <= MAX_ORDERS:
-                raise ValueError(f"options: speed_order_m_s: 1 to {MAX_ORDERS} orders are needed")
-            orders = np.empty(MAX_ORDERS)
-            orders[: len(asked)] = [
-                _within("speed_order_m_s", order, 0.0, 40.0, "m/s") for order in asked
-            ]
-            orders[len(asked) :] = orders[len(asked) - 1]
+            raise ValueError(f"unknown option {unknown[0]!r}; known: {', '.join(known)}")
         interval = _within(
             "order_interval_s", given.get("order_interval_s", task.order_interval_s),
             1e-3, math.inf, "s",
         )  # fmt: skip
-        speed, rise = given.get("initial_speed_m_s"), given.get("resistance_rise")
+
+        def one(name: str, low: float, high: float, unit: str) -> float | None:
+            return None if given.get(name) is None else _within(name, given[name], low, high, unit)
+
+        headings = _orders(given, "heading_order_deg", -360.0, 360.0, "deg")
+        force = one("drift_force_kN", -1e5, 1e5, "kN")
         return Begin(
             seas_of(given["sea"], task) if "sea" in given else None,
-            orders,
+            _orders(given, "speed_order_m_s", 0.0, 40.0, "m/s"),
             interval,
-            None if speed is None else _within("initial_speed_m_s", speed, *speeds, "m/s"),
-            None if rise is None else _within("resistance_rise", rise, -0.9, 10.0, "-"),
+            one("initial_speed_m_s", *speeds, "m/s"),
+            one("resistance_rise", -0.9, 10.0, "-"),
+            None if headings is None else np.radians(headings),
+            _orders(given, "track_order_m", -1e5, 1e5, "m"),
+            one("cross_current_m_s", -5.0, 5.0, "m/s"),
+            None if force is None else 1e3 * force,
         )
+
+
+def _orders(
+    given: Mapping[str, Any], name: str, low: float, high: float, unit: str
+) -> NDArray[np.float64] | None:
+    """Orders of an option, the last held to the end; None where it is not given."""
+    if name not in given:
+        return None
+    asked = np.atleast_1d(given[name])
+    if asked.ndim != 1 or not 1 <= len(asked) <= MAX_ORDERS:
+        raise ValueError(f"options: {name}: 1 to {MAX_ORDERS} orders are needed")
+    orders = np.empty(MAX_ORDERS)
+    orders[: len(asked)] = [_within(name, order, low, high, unit) for order in asked]
+    orders[len(asked) :] = orders[len(asked) - 1]
+    return orders
 
 
 def _within(name: str, value: Any, low: float, high: float, unit: str) -> float:

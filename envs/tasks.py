@@ -37,6 +37,8 @@ class HeldOut(_Model):
     seas: tuple[TaskSea, ...] = Field(min_length=1)
     resistance_rise: Range
     resistance_swing: float = Field(ge=0, lt=1)
+    cross_current_m_s: Range | None = None
+    drift_force_kN: Range | None = None
 
 
 class Task(_Model):
@@ -49,6 +51,13 @@ class Task(_Model):
     order_interval_s: float = Field(gt=0, description="time between new orders")
     resistance_rise: Range = Field(description="range of the mean rise")
     resistance_swing: float = Field(ge=0, lt=1, description="amplitude of the slow swing")
+    steered: bool = Field(
+        False, description="needs a ship that turns; then the rudder is an action"
+    )
+    heading_order_deg: Range = Field((0.0, 0.0), description="range of the ordered headings")
+    track_order_m: Range = Field((0.0, 0.0), description="range of the ordered cross tracks")
+    cross_current_m_s: Range = Field((0.0, 0.0), description="range of the current across")
+    drift_force_kN: Range = Field((0.0, 0.0), description="range of the slow side force's mean")
     weights: Weights
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
     held_out: HeldOut | None = None
@@ -79,10 +88,18 @@ class TaskError(ValueError):
 
 
 @functools.cache
-def tasks() -> dict[str, Task]:
-    """The tasks that come with the package, by name."""
+def _all() -> dict[str, Task]:
     text = resources.files("shaftline.envs").joinpath("tasks.toml").read_text(encoding="utf-8")
     return {name: Task.model_validate(values) for name, values in tomllib.loads(text).items()}
+
+
+def tasks(steered: bool = False) -> dict[str, Task]:
+    """The tasks that come with the package, by name.
+
+    Args:
+        steered: those in which the rudder is an action, in place of the others.
+    """
+    return {name: task for name, task in _all().items() if task.steered is steered}
 
 
 def get_task(task: str | Task | dict[str, Any]) -> Task:
@@ -99,11 +116,11 @@ def get_task(task: str | Task | dict[str, Any]) -> Task:
         except ValidationError as error:
             raise TaskError(f"task: {error}") from None
     name, _, part = task.partition(":")
-    if name not in tasks() or part not in ("", HELD_OUT):
+    if name not in _all() or part not in ("", HELD_OUT):
         raise TaskError(
-            f"unknown task {task!r}; known: {', '.join(tasks())}, and each with :{HELD_OUT}"
+            f"unknown task {task!r}; known: {', '.join(_all())}, and each with :{HELD_OUT}"
         )
-    found = tasks()[name]
+    found = _all()[name]
     if part and found.held_out is not None:
-        found = found.model_copy(update=dict(found.held_out))
+        found = found.model_copy(update=found.held_out.model_dump(exclude_none=True))
     return found

@@ -25,6 +25,7 @@ class Options:
         exclude: ids of the catalogue to leave out.
         tolerance: factor on the tolerances of the ship's numbers [-].
         effects: files with effects of one's own (:mod:`.search.entries`), tried with the catalogue's.
+        most_effects: how many are named at most; the search's own number by default.
         calibrate: recordings of a healthy period, on which the ship's numbers are found first.
         free: dotted keys of the numbers that are found on them, or, without any such recording, that
             move widely beside the effects; without any key, a healthy period tells what it can.
@@ -36,6 +37,7 @@ class Options:
     calibrate: tuple[Recorded, ...] = ()
     free: tuple[str, ...] = ()
     effects: tuple[Path, ...] = ()
+    most_effects: int | None = None
 
     @functools.cached_property
     def own_effects(self) -> tuple[Effect, ...]:
@@ -119,6 +121,8 @@ class Options:
         self._refuse_idle(ship)
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):
             raise ValueError(f"tolerance {self.tolerance:g}: a factor of at least 0 is needed")
+        if self.most_effects is not None and self.most_effects < 1:
+            raise ValueError(f"most_effects = {self.most_effects}: at least 1 is needed")
         check_free(ship, self.free, bool(self.calibrate))
         for source in self.calibrate:
             if isinstance(source, str | Path) and not Path(source).is_file():

@@ -44,6 +44,7 @@ from .numbers.wrong import wrong_numbers
 from .options import Options
 from .progress import Tick, silent
 from .recordings.joint import JointRecordings, Recorded, load_jointly
+from .recordings.loading import turned
 from .search.catalogue import applicable
 from .search.fitting import Fitter
 from .search.formulas import Formula, as_well, formula_of
@@ -117,7 +118,9 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.hearing(start.ship, together.signals))
         columns = set(together.tables[0].columns)
-        effects = applicable(start.ship, columns, options.exclude, options.own_effects)
+        effects = applicable(
+            start.ship, columns, options.exclude, options.own_effects, turned(together.tables)
+        )
         ship = start.ship
         for _ in range(MOST_ROUNDS):
             settings = Settings(ship, together, effects, options.tolerance)
@@ -127,7 +130,7 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
             ship = nearer
         while True:
             whiteness, held = settings.best.whiteness, settings.best.held
-            selector = Selector(whiteness.fitter, effects, tick)
+            selector = Selector(whiteness.fitter, effects, tick, options.most_effects)
             selection = selector.search()
             if not settings.corrected(selection):
                 break

@@ -21,6 +21,7 @@ from ..plant.derivatives import STEP, derivatives
 from ..plant.dynamics import evaluate
 from ..plant.hull import episode_factor
 from ..plant.memory import begin_step, end_step, pitch_read, read_instruments, torque_read
+from ..plant.rudder import rudder_angle
 from ..plant.state import Inputs, Outputs, State, get_state, moved, set_state
 from ..plant.stepping import runge_kutta
 from ..plant.term_kernel import outside_at
@@ -78,8 +79,10 @@ class Course(NamedTuple):
 
 
 @compiled
-def _reading(plant: Record, state: State, outputs: Outputs, channel: int) -> Real:
-    """What an instrument reads at one instant."""
+def _reading(
+    plant: Record, state: State, outputs: Outputs, helm: float, channel: int
+) -> Real:
+    """What an instrument reads at one instant, with a rudder command [rad]."""
     if channel == _PITCH:
         return pitch_read(plant, outputs.pitch_ratio)
     if channel == _SPEED:
@@ -100,7 +103,7 @@ def _reading(plant: Record, state: State, outputs: Outputs, channel: int) -> Rea
         return state.yaw_rate
     if channel == _HEADING:
         return state.heading
-    return state.rudder_angle
+    return rudder_angle(plant, state.rudder_angle, helm)
 
 
 @compiled
@@ -169,7 +172,9 @@ def _slopes_of_readings(model: Model, inputs: Inputs, memory: Record, h: Floats)
             model.twin[0], shifted, along, memory.blade_pitch, memory.ventilated != 0
         )
         for c in range(len(model.channels)):
-            read = _reading(model.twin[0], shifted, outputs, model.channels[c])
+            read = _reading(
+                model.twin[0], shifted, outputs, inputs.rudder_command, model.channels[c]
+            )
             h[c, i] = read.imag / STEP
         _move_along(model, i, 0.0)
 
@@ -188,7 +193,8 @@ def _take_in(
     before = z.copy()
     likelihood = 0.0
     for c in range(len(model.channels)):
-        innovation = readings[c] - _reading(model.plant[0], now, outputs, model.channels[c])
+        expected = _reading(model.plant[0], now, outputs, met.rudder_command, model.channels[c])
+        innovation = readings[c] - expected
         innovations[c] = np.nan
         if np.isfinite(innovation):
             for i in range(len(z)):
@@ -205,17 +211,31 @@ def _take_in(
 
 @compiled
 def _acts(
-    course: Course, plant: Record, memory: Record, step: int, edge: int, time: float
+    course: Course, plant: Record, memory: Record, shaft: float, step: int, edge: int
 ) -> Inputs:
-    """What acts at an edge of a step: 0 its start, 1 its middle, 2 its end."""
-    at = 2 * step + edge
+    """What acts at an edge of a step: 0 its start, 1 its middle, 2 its end.
+
+    Args:
+        course: what was recorded.
+        plant: ship record.
+        memory: after the step's demand has come.
+        shaft: speed at the step's start [rad/s]; one that is held is led on from there, as in
+            :func:`shaftline.plant.stepping.step`.
+        step: which one; after the last one that which stands.
+        edge: of it.
+    """
+    at, dt = 2 * step + edge, course.dt
     command = course.pitch[min(step, len(course.pitch) - 1)]
-    factor = episode_factor(plant, memory.cursor * course.dt, course.dt)
+    factor = episode_factor(plant, memory.cursor * dt, dt)
     helm = course.rudder[min(step, len(course.rudder) - 1)]
     inflow, elevation = course.inflow[at], course.elevation[at]
+    drive, rate = memory.rack, 0.0
+    if plant.speed_held != 0:
+        rate = (memory.rack - shaft) / dt
+        drive = shaft + 0.5 * edge * (memory.rack - shaft)
     return Inputs(
-        memory.rack, command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, factor, time, 0.0,
-        0.0, helm, outside_at(course.signals, at),
+        drive, command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, factor,
+        (memory.cursor + 0.5 * edge) * dt, rate, 0.0, helm, outside_at(course.signals, at),
     )  # fmt: skip
 
 
@@ -226,13 +246,13 @@ def _carry(
 ) -> None:  # fmt: skip
     """Predict over one step of the plant, as the plant itself takes it."""
     plant, dt = model.plant[0], course.dt
-    time = memory.cursor * dt
     fades = np.exp(-0.5 * dt * model.forgetting)
     u = z[len(model.slots)]
-    start = _disturbed(_acts(course, plant, memory, step, 0, time), u)
-    middle = _disturbed(_acts(course, plant, memory, step, 1, time + 0.5 * dt), u * fades)
-    end = _disturbed(_acts(course, plant, memory, step, 2, time + dt), u * fades * fades)
     now = get_state(model.state[0])
+    shaft = now.shaft_speed
+    start = _disturbed(_acts(course, plant, memory, shaft, step, 0), u)
+    middle = _disturbed(_acts(course, plant, memory, shaft, step, 1), u * fades)
+    end = _disturbed(_acts(course, plant, memory, shaft, step, 2), u * fades * fades)
     blade, ventilated = memory.blade_pitch, memory.ventilated != 0
     rate, outputs = evaluate(plant, now, start, blade, ventilated)
     _slopes_of_rates(model, moved(now, rate, 0.5 * dt), middle, memory, f)
@@ -240,6 +260,8 @@ def _carry(
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     following = runge_kutta(plant, now, rate, middle, end, blade, ventilated, dt)
     set_state(model.state[0], following)
+    if plant.speed_held != 0:
+        model.state[0].shaft_speed = memory.rack
     end_step(plant, memory, following.ship_speed, dt)
     for i in range(len(model.slots)):
         z[i] = model.state_words[model.slots[i]]
@@ -277,8 +299,8 @@ def follow_course(
             if k < rows - 1:
                 begin_step(model.plant[0], memory[0], course.drive[step], course.dt)
             if step == first:
-                time = memory[0].cursor * course.dt
-                inputs = _acts(course, model.plant[0], memory[0], step, 0, time)
+                shaft = model.state[0].shaft_speed
+                inputs = _acts(course, model.plant[0], memory[0], shaft, step, 0)
                 likelihood += _take_in(
                     model, z, p, inputs, memory[0], h, row, readings[k], innovations[k]
                 )

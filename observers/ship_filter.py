@@ -32,6 +32,8 @@ _OF_THE_INFLOW = (
     "hull.wake_fraction", "hull.wake_slope_s_m", "hull.wake_reference_speed_m_s", "hull.current_m_s",
 )  # fmt: skip
 
+_OF_THE_GEAR = ("rudder.time_constant_s", "rudder.rate_limit_rad_s")
+
 DISTURBANCE = "disturbance"
 """Name by which the disturbance of the inflow [m/s] is spoken of among the states."""
 
@@ -107,8 +109,6 @@ class ShipFilter:
             raise ObserverError(
                 f"{ship.name}: the filter serves no instrument with sensors.{late[0]} above 0"
             )
-        if not ship.turns_freely:
-            raise ObserverError(f"{ship.name}: the filter serves no drive whose speed is held")
         if unknown := [column for column in noise if column not in CHANNELS]:
             raise ObserverError(f"{unknown[0]}: the filter goes by {', '.join(CHANNELS)} only")
         for name, spread in {**noise, **number_spread}.items():
@@ -118,6 +118,7 @@ class ShipFilter:
                 )
         self.ship, self.keys, self.columns = ship, tuple(free), tuple(noise)
         record = ship.record() if record is None else record
+        self._rudder_lag = float(record["rudder_lag"])
         self.states = tuple(active_states(record))
         self._before = len(self.states) + 1
         walk = [(state_walk or {}).get(name, 0.0) for name in (*self.states, DISTURBANCE)]
@@ -166,10 +167,19 @@ class ShipFilter:
                 f"{replaced[0]} cannot be found where inflow_velocity_m_s is measured: the inflow is "
                 "then the measured one"
             )
+        if replay.helm_measured and (own := [key for key in self.keys if key in _OF_THE_GEAR]):
+            raise ObserverError(
+                f"{own[0]} cannot be found where rudder_rad is measured and no command is: the rudder "
+                "does then what was measured"
+            )
         plant = model.plant[0]
+        lag = 0.0 if replay.helm_measured else self._rudder_lag
+        plant["rudder_lag"], model.twin[0]["rudder_lag"] = lag, lag
         inflow = replay.inflow(plant)
         begin = replay.first_inputs(inflow)
         first = settled(plant, replay.first_state(), begin)
+        if not self.ship.turns_freely:
+            begin = begin._replace(drive=first.shaft_speed)
         _, outputs = evaluate(plant, first, begin, first.pitch_ratio, False)
         memory = np.zeros(1, MEMORY)
         settle(plant, memory[0], first, outputs, begin.drive, replay.dt)

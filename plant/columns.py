@@ -9,6 +9,7 @@ from .signals import RECORDED_SIGNALS, SIGNALS
 TIME = "time_s"
 SHAFT_SPEED, SHAFT_ANGLE = "shaft_speed_rad_s", "shaft_angle_rad"
 RUDDER_COMMAND, RUDDER = "rudder_command_rad", "rudder_rad"
+SWAY_SPEED, YAW_RATE, HEADING = "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad"
 
 DEMANDS = tuple(drive.demand for drive in DRIVES)
 """Signal by which each kind of prime mover is driven."""
@@ -24,7 +25,7 @@ COLUMNS = (
     TIME, *_DEMANDS, "pitch_ratio_command", "pitch_ratio",
     SHAFT_SPEED, SHAFT_ANGLE, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
     "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", "inflow_velocity_m_s",
-    RUDDER_COMMAND, RUDDER, "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad",
+    RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, HEADING,
 )  # fmt: skip
 """Canonical columns of a recording; demands first, then what was measured."""
 
@@ -36,9 +37,9 @@ MEASURED = {
     "thrust_N": "thrust",
     "motor_current_A": "motor_current",
     SHAFT_ANGLE: "shaft_angle",
-    "sway_speed_m_s": "sway_speed",
-    "yaw_rate_rad_s": "yaw_rate",
-    "heading_rad": "heading",
+    SWAY_SPEED: "sway_speed",
+    YAW_RATE: "yaw_rate",
+    HEADING: "heading",
     RUDDER: "rudder_angle",
 }
 """Measured columns and the simulated signal that answers each."""

@@ -42,6 +42,9 @@ WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
 
 _START = ("pitch_ratio", SHAFT_SPEED, "ship_speed_m_s")
 
+IN_THE_PLANE = ("sway_speed", "yaw_rate", "heading")
+"""States that a ship that turns starts from besides."""
+
 
 _own = threading.local()
 """Each thread's memory for samples, as long as its longest run asked for."""
@@ -190,11 +193,20 @@ class Replay:
             first["shaft_angle"] = self._turning(max(count, 3))[0]
         if self.ship.turns:
             measured = [column for column in IN_A_TURN if column in self.table]
-            first |= {MEASURED[c]: float(self._column(c)[:count].mean()) for c in measured}
+            first |= {MEASURED[c]: self._at_first(c, count) for c in measured}
             first["rudder_angle"] = float(self.rudder[0])
             if "sway_speed" not in first:  # carried along by the current
                 first["sway_speed"] = self.ship.manoeuvring.cross_current_m_s
+            first = dict.fromkeys(IN_THE_PLANE, 0.0) | first
         return first
+
+    def _at_first(self, column: str, count: int) -> float:
+        """A column's value at the first row, by a line through some: a turn may have begun."""
+        values = self._column(column)[:count]
+        if count < 3:
+            return float(values.mean())
+        line = np.polynomial.Polynomial.fit(self.time_s[:count], values, 1)
+        return float(line(0.0))
 
     def _turning(self, count: int) -> tuple[float, float]:
         """Angle [rad] and speed [rad/s] of the shaft at the first row, by a parabola through some."""
@@ -223,8 +235,10 @@ class Replay:
 
     def first_state(self, start: tuple[float, ...] | None = None) -> State:
         """State at the first row, what lags not yet settled; ``self.start`` where none is given."""
-        bare = State(*map(float, self.start if start is None else start))
-        return bare._replace(**self._beside)
+        pitch, shaft, speed, *turning = map(float, self.start if start is None else start)
+        shifts = dict(zip(IN_THE_PLANE, turning, strict=False))
+        beside = {name: value + shifts.get(name, 0.0) for name, value in self._beside.items()}
+        return State(pitch, shaft, speed)._replace(**beside)
 
     def first_inputs(self, inflow: NDArray[np.float64]) -> Inputs:
         """What acts at the first row, under an :meth:`inflow`."""
@@ -242,6 +256,7 @@ class Replay:
         Args:
             plant: ship record.
             start: pitch ratio, shaft speed and ship speed at the first row; ``self.start`` by default.
+                What follows them is added to :data:`IN_THE_PLANE`.
             sea: SEA record, or None for calm water.
         """
         return self.simulate_into(plant, start, sea).copy()

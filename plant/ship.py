@@ -203,7 +203,7 @@ class Ship(Section):
         """Balances that an effect on this ship may act in."""
         own = [self.drive_balance] if self.drive_balance else []
         own += ["propeller", "sensor"] if self.has_propeller else ["sensor"]
-        own += ["hull"] if self.moves else []
+        own += ["hull", *(("sway", "yaw") if self.turns else ())] if self.moves else []
         return (*own, "pitch-actuator") if self.has_variable_pitch else tuple(own)
 
     @property

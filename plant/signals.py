@@ -80,6 +80,10 @@ SIGNALS = (
 
 CONTROL_SIGNALS = (
     Signal("speed_order", "v_d", "m/s", -40, 40, "demand", "speed_order_m_s", "ordered ship speed"),
+    Signal("heading_order", "psi_d", "rad", -math.inf, math.inf, "demand", "heading_order_rad",
+           "ordered heading, to starboard of the first course"),
+    Signal("cross_track_order", "y_d", "m", -math.inf, math.inf, "demand", "cross_track_order_m",
+           "ordered cross track, to starboard of the first course"),
     Signal("fuel_rack", "X", "mm", 0, 200, "sensor", "fuel_rack_position_mm",
            "position of the fuel rack"),
     Signal("estimated_advance_velocity", "v_a^", "m/s", -40, 40, "observer",

@@ -54,6 +54,13 @@ class Tolerances(Section):
     pitch_time_constant: float = _known_to(
         0.01, "the pitch actuator's tau_p, as a share of it", "pitch_actuator.time_constant_s"
     )
+    hull_derivatives: float = _known_to(
+        0.02, "each linear derivative of a hull that turns, as a share of it",
+        "manoeuvring.Y_v", "manoeuvring.Y_r", "manoeuvring.N_v", "manoeuvring.N_r",
+    )  # fmt: skip
+    rudder_force: float = _known_to(
+        0.02, "the rudder's normal force, as a share of it", "rudder.normal_force_slope"
+    )
     numbers: dict[str, Annotated[float, Field(ge=0)]] = Field(
         default={},
         description="standard deviation of any number, by its dotted key and in its unit; "

@@ -92,15 +92,50 @@ def tune(
         kpis, _ = run_episodes(setting, made, threads=threads)
         return float(kpis["reward"].mean())
 
+    untuned = sail(controller, first + episodes)  # which refuses what the controller does not take
+    found = searched(name, given, free, lambda text: sail(text, first), rounds, seed, tick)
+    return Tuned(
+        found.text, found.reward, sail(found.text, first + episodes), untuned, found.sailed
+    )
+
+
+class Searched(NamedTuple):
+    """The best of a search."""
+
+    text: str  # ``NAME:option=number,...``
+    reward: float  # which flatters it
+    sailed: int  # candidates
+
+
+def searched(
+    name: str,
+    given: Mapping[str, float],
+    free: Mapping[str, tuple[float, float]],
+    sail: Callable[[str], float],
+    rounds: int,
+    seed: int,
+    tick: Callable[[int, int, str], None] = lambda done, total, said: None,
+) -> Searched:
+    """The search itself, whatever sails.
+
+    Args:
+        name: of what has constants.
+        given: constants that stay.
+        free: range of each that is searched for.
+        sail: reward of ``NAME:option=number,...``.
+        rounds: generations.
+        seed: of the search.
+        tick: as of :func:`tune`.
+    """
+
     def text_of(point: NDArray[np.float64]) -> str:
         found = {
             key: low + (high - low) * float(share)
             for (key, (low, high)), share in zip(free.items(), point, strict=True)
         }
-        listed = (f"{key}={value:.{_DIGITS}g}" for key, value in (given | found).items())
+        listed = (f"{key}={value:.{_DIGITS}g}" for key, value in (dict(given) | found).items())
         return f"{name}:{','.join(listed)}"
 
-    untuned = sail(controller, first + episodes)  # which refuses what the controller does not take
     rng = np.random.default_rng(seed)
     search = cma.CMAEvolutionStrategy(
         np.full(len(free), 0.5),
@@ -116,7 +151,7 @@ def tune(
     for k in range(rounds):
         points = search.ask()
         texts = [text_of(np.asarray(point)) for point in points]
-        rewards = [sail(text, first) for text in texts]
+        rewards = [sail(text) for text in texts]
         sailed += len(texts)
         search.tell(points, [-reward for reward in rewards])
         leader = int(np.argmax(rewards))
@@ -125,4 +160,4 @@ def tune(
         tick(k + 1, rounds, f"reward {most:.5g}")
         if search.stop():
             break
-    return Tuned(best, most, sail(best, first + episodes), untuned, sailed)
+    return Searched(best, most, sailed)

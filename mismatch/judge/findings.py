@@ -75,6 +75,10 @@ def unmeasured(effect: Effect, balances: Balances) -> str:
     replay = balances.replay
     if effect.balance == "hull" and not balances.moving:
         return "without a speed log the hull's balance is not measured"
+    if effect.balance == "sway" and "sway" not in balances.names:
+        return "without a sway speed the balance across is not measured"
+    if effect.balance == "yaw" and "yaw" not in balances.names:
+        return "without a rate of turn or a heading the balance of the turn is not measured"
     one_shaft = replay.ship.has_line_shaft and replay.ship.turns_freely
     if effect.balance in ("engine", "propeller") and one_shaft and not balances.gauged:
         return "without a torque gauge the engine's and the propeller's side are one balance"

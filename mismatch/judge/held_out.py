@@ -12,6 +12,7 @@ from ..search.fitting import Fit, Fitter
 from ..search.spectra import Bands, Complex, Likelihood, make_bands, runs_away
 from ..simulate.balances import Balances, Channels
 from ..simulate.joint_replay import JointReplay
+from ..simulate.tolerances import tolerance_moves
 
 HELD_OUT_SHARE = 0.25
 
@@ -28,8 +29,10 @@ Segments = list[tuple[int, int]]
 
 def bands_of(balances: Balances, segments: Segments, highest_Hz: float = math.inf) -> Bands:
     """Bands of some segments, up to four fifths of the Nyquist frequency or a lower one."""
-    interval = balances.replay.interval_s
-    return make_bands(segments, interval, len(balances.names), min(0.4 / interval, highest_Hz))
+    replay, interval = balances.replay, balances.replay.interval_s
+    free = len(list(tolerance_moves(replay))) if replay.ship.turns else 0
+    highest = min(0.4 / interval, highest_Hz)
+    return make_bands(segments, interval, len(balances.names), highest, free)
 
 
 def set_aside(replay: JointReplay, runs: int) -> list[tuple[Segments, Segments]]:
@@ -92,7 +95,7 @@ def _whole(replay: JointReplay) -> list[tuple[Segments, Segments]]:
 def _coverage(replay: JointReplay, whole: Segments, parts: Segments) -> float:
     """Share of the demands' range in some stretches that others of them cover."""
     shares = []
-    for signal in (replay.drive_rows, replay.command):
+    for signal in (replay.drive_rows, replay.command, replay.rudder_rows):
         full = np.quantile(np.concatenate([signal[a:b] for a, b in whole]), [0.05, 0.95])
         if full[1] - full[0] > 1e-9:
             piece = np.quantile(np.concatenate([signal[a:b] for a, b in parts]), [0.05, 0.95])

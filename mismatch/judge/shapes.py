@@ -67,6 +67,8 @@ _ADDED_TO = {
     "propeller": ("load_torque", -1.0),
     "load": ("load_torque", -1.0),
     "hull": ("resistance", -1.0),
+    "sway": ("side_force", 1.0),
+    "yaw": ("yaw_moment", 1.0),
     "thrust": ("thrust", 1.0),
     "pitch-actuator": ("pitch_rate", 1.0),
 }
@@ -112,6 +114,9 @@ def signals_of(fitter: Fitter, fit: Fit) -> dict[str, tuple[NDArray[np.float64],
         "pitch_ratio": (np.ascontiguousarray(samples["pitch_ratio"]), ""),
         "drive": (np.ascontiguousarray(samples["drive"]), replay.ship.prime_mover.demand.unit),
     }
+    if replay.ship.turns:
+        for name, unit in (("sway_speed", "m/s"), ("yaw_rate", "rad/s"), ("rudder_angle", "rad")):
+            found[name] = (np.ascontiguousarray(samples[name]), unit)
     if len(replay.runs) == 1:  # recordings that were joined share no clock
         found["time"] = (replay.time_s, "s")
     return found

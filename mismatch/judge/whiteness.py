@@ -14,10 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from ...plant.ship import Ship
 from ..search.fitting import Fit, Fitter
 from ..search.spectra import moments
 
 SLOWER_THAN_SEA_HZ = 0.03
+"""What a ship does more slowly than this, no sea of any length does."""
+
+MODEL_M, FULL_M = 12.0, 320.0
+"""Length below which a hull is a model, sailed in a basin or on a pond: waves that move it are as much
+shorter as it is than a ship, and by Froude's law as much quicker as the root of that."""
+
 EXCESS = 2.0
 """Power over that of the instruments' noise that counts; their rms is known within a tenth."""
 
@@ -90,7 +97,8 @@ class Whiteness:
                 posinf=0.0,
             )
         if balances.moving:
-            ratio[bands.frequency_Hz[bands.edges[1:] - 1] > SLOWER_THAN_SEA_HZ] = 0.0
+            slower = slower_than_waves_hertz(balances.replay.ship)
+            ratio[bands.frequency_Hz[bands.edges[1:] - 1] > slower] = 0.0
         return np.asarray(ratio)
 
     @property
@@ -124,6 +132,14 @@ class Whiteness:
         edges = bands.edges
         low, high = bands.frequency_Hz[edges[band]], bands.frequency_Hz[edges[band + 1] - 1]
         return Colour(int(band), int(row), float(low), float(high), float(ratios[band, row]))
+
+
+def slower_than_waves_hertz(ship: Ship) -> float:
+    """Frequency [Hz] below which no wave moves a ship; without a length that of a large one."""
+    length = ship.manoeuvring.length_m
+    if not 0.0 < length < MODEL_M:
+        return SLOWER_THAN_SEA_HZ
+    return float(SLOWER_THAN_SEA_HZ * np.sqrt(FULL_M / length))
 
 
 def _read(

@@ -17,7 +17,7 @@ from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .loading import loaded
 from .noise import Noise, clipped, frozen
-from .slips import demands
+from .slips import HELMS, demands
 
 TOO_SHORT = "too short"
 """How a sentence on length begins."""
@@ -130,7 +130,7 @@ def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[st
     spans = {
         drive_column(ship): float(plant["drive_max"] - plant["drive_min"]),
         "pitch_ratio_command": float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
-    }
+    } | dict.fromkeys(HELMS, 2.0 * float(plant["rudder_max"]))
     for column in demands(ship, table) if not loaded(ship, table) else ():
         low, high = np.percentile(table[column], (2.5, 97.5))
         if high - low < _DULL_DEMAND * spans[column]:

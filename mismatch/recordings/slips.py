@@ -10,13 +10,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import BOUNDS, SHAFT_SPEED, drive_column
+from ...plant.columns import BOUNDS, RUDDER, RUDDER_COMMAND, SHAFT_SPEED, YAW_RATE, drive_column
 from ...plant.ship import Ship
+from .loading import helm_column
 
 Array = NDArray[np.float64]
 
 _BEYOND = 1.25  # share of a demand's end stop that no ship's demand exceeds
 _RPM = math.pi / 30.0
+HELMS = (RUDDER, RUDDER_COMMAND)
+"""Columns of the rudder's angle, either of which may order it."""
 
 
 class Slip(NamedTuple):
@@ -42,6 +45,7 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
     gear = ship.transmission.gear_ratio
     by_unit = {
         "rad/s": [_unit("rpm", _RPM), _unit("rps", 2.0 * math.pi)],
+        "rad/s of a turn": [_unit("deg/s", math.pi / 180.0), _unit("deg/min", math.pi / 10800.0)],
         "rad": [_unit("deg", math.pi / 180.0), _unit("turn", 2.0 * math.pi)],
         "N m": [_unit("kN m", 1e3)],
         "m/s": [_unit("knot", 1852.0 / 3600.0), _unit("km/h", 1.0 / 3.6)],
@@ -51,7 +55,8 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
         "mm": [_unit("m", 1e3), _unit("cm", 10.0)],
         "-": [Slip("a blade angle in degrees", 0.04, 'unit = "deg"'), _unit("percent", 0.01)],
     }
-    found = list(by_unit.get(BOUNDS[column][2], []))
+    unit = BOUNDS[column][2]
+    found = list(by_unit.get(f"{unit} of a turn" if column == YAW_RATE else unit, []))
     if column == "fuel_rack_mm":
         share = ship.record()["drive_max"] / 100.0
         found.append(Slip(f"a percentage of the {100 * share:g} mm stroke", share,
@@ -71,7 +76,9 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
 
 def demands(ship: Ship, table: pd.DataFrame) -> list[str]:
     """Columns of a recording that are orders, not measurements."""
-    return [c for c in (drive_column(ship), "pitch_ratio_command") if c in table]
+    helm = helm_column(ship, table)
+    found = [c for c in (drive_column(ship), "pitch_ratio_command") if c in table]
+    return found if helm is None else [*found, helm]
 
 
 def looks_like(column: str, slips: list[Slip], median: float, expected: str) -> str:
@@ -97,6 +104,8 @@ def range_of(column: str, ship: Ship) -> str:
     plant = ship.record()
     if column == "pitch_ratio_command":
         low, high = plant["pitch_ratio_min"], plant["pitch_ratio_max"]
+    elif column in HELMS:
+        low, high = -plant["rudder_max"], plant["rudder_max"]
     elif column == SHAFT_SPEED and ship.turns_freely:
         top = top_speed(ship) / 3.0
         slow = plant["engine_speed_min"] / plant["gear_ratio"]
@@ -114,6 +123,9 @@ def impossible_demands(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
         if column == "pitch_ratio_command":
             high = max(abs(plant["pitch_ratio_min"]), abs(plant["pitch_ratio_max"])) + 0.3
             low = min(0.0, plant["pitch_ratio_min"])
+        elif column in HELMS:
+            high = _BEYOND * plant["rudder_max"]
+            low = -high
         else:
             high, low = _BEYOND * plant["drive_max"], plant["drive_min"]
         if _possible(values, low, high):

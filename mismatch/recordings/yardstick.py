@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...plant.columns import BOUNDS, SHAFT_ANGLE, SHAFT_SPEED, TIME, drive_column
+from ...plant.columns import BOUNDS, HEADING, SHAFT_ANGLE, SHAFT_SPEED, TIME, drive_column
 from ...plant.recording import RecordingError
 from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
@@ -88,8 +88,9 @@ class Yardstick:
         found = {}
         for c in columns:
             measured, expected = table[c].to_numpy(), sailed[c].to_numpy()
-            if (
-                c == SHAFT_ANGLE
+            if c in (
+                SHAFT_ANGLE,
+                HEADING,
             ):  # it drifts with the least error of the speed: its steps are compared
                 measured, expected = np.diff(measured), np.diff(expected)
             size = float(np.sqrt(np.mean(expected**2)))

@@ -38,7 +38,8 @@ _HUMP = 3.0
 
 QUANTITY = {
     "engine": "torque", "motor": "torque", "propeller": "torque", "load": "torque",
-    "hull": "force", "thrust": "force", "pitch-actuator": "pitch ratio",
+    "hull": "force", "sway": "force", "yaw": "moment", "thrust": "force",
+    "pitch-actuator": "pitch ratio",
 }  # fmt: skip
 """What a balance lacks."""
 

@@ -16,6 +16,8 @@ _ACTS_ON = {
     "load_torque": "torque of the load",
     "resistance": "resistance",
     "pitch_rate": "rate of the pitch",
+    "side_force": "side force",
+    "yaw_moment": "yaw moment",
 }
 
 

@@ -13,10 +13,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.columns import SHAFT_ANGLE
+from ...plant.columns import HEADING, SHAFT_ANGLE, YAW_RATE
 from ..simulate.at_once import at_once
 from ..simulate.balances import Balances, Channels, rate
-from ..simulate.joint_replay import JointReplay
+from ..simulate.joint_replay import UNMOVED, JointReplay
 from ..simulate.tolerances import tolerance_records
 from .catalogue import Effect
 from .spectra import fast_length, taper
@@ -65,7 +65,9 @@ def telling_hertz(
         told = np.zeros(len(frequency))
         for column in replay.channels:
             shift = there[column] - here[column]
-            if column == SHAFT_ANGLE:
+            if column == HEADING and YAW_RATE in replay.channels:
+                continue  # its derivative is measured better, and that is what the balances take
+            if column in (SHAFT_ANGLE, HEADING):
                 shift = rate(shift, replay.interval_s)
             if noise[column] > 0.0 and np.isfinite(shift).all():
                 told += _power(shift / noise[column], segments)
@@ -90,7 +92,7 @@ def catalogue_hertz(balances: Balances, effects: list[Effect], segments: Segment
     """
     replay, trial_ship = balances.replay, TrialShip(balances)
     trials = (next(trial_ship.smallest(effect, []), None) for effect in effects)
-    records = [(trial_ship.record((placed,)), (0.0, 0.0, 0.0)) for placed in trials if placed]
+    records = [(trial_ship.record((placed,)), UNMOVED) for placed in trials if placed]
     changes = (*records, *tolerance_records(replay))
     moved = at_once(lambda change: replay.channels_of(*change), changes)
     found = telling_hertz(replay, balances.nominal, moved, segments)

@@ -85,6 +85,7 @@ class Effect:
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
             ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``, ``reverses``; beside having
             the balance and the keys.
+        straight: a ship that does not turn has it only where the recording does not turn either.
     """
 
     id: str
@@ -103,6 +104,7 @@ class Effect:
     form: str = ""
     applies_to: tuple[str, ...] = ()
     term: Term | None = None
+    straight: bool = False
 
     def on(self, ship: Ship) -> Ship:
         """A ship with the effect's term on it, at values that change nothing; else the ship itself.
@@ -167,6 +169,7 @@ def applicable(
     columns: Iterable[str],
     exclude: Iterable[str] = (),
     own: Iterable[Effect] = (),
+    turned: bool = False,
 ) -> list[Effect]:
     """Entries that a ship can have and a recording could show.
 
@@ -175,6 +178,7 @@ def applicable(
         columns: of the recording.
         exclude: ids to leave out.
         own: entries besides the catalogue's.
+        turned: whether the recording turns.
 
     Raises:
         ValueError: an id to leave out is unknown.
@@ -188,7 +192,10 @@ def applicable(
     return [
         effect
         for effect in everything
-        if effect.id not in left_out and set(effect.needs) <= known and effect.acts_on(ship)
+        if effect.id not in left_out
+        and set(effect.needs) <= known
+        and effect.acts_on(ship)
+        and not (effect.straight and turned and not ship.turns)
     ]
 
 
@@ -198,5 +205,6 @@ OUTSIDE = {
     "yaw_rate": "rad/s",
     "rudder_angle": "rad",
     "head_wind": "m/s",
+    "side_wind": "m/s",
 }
 """Names under which entries of the catalogue hear what a recording may hold besides, and units."""

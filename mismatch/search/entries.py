@@ -70,7 +70,9 @@ class _Entry(_Table):
     """What an engineer is told of an effect, and where it can be; as of :class:`.catalogue.Effect`."""
 
     id: str = Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=40)
-    balance: Literal["engine", "motor", "propeller", "hull", "pitch-actuator", "sensor"]
+    balance: Literal[
+        "engine", "motor", "propeller", "hull", "sway", "yaw", "pitch-actuator", "sensor"
+    ]
     form: str = Field("", pattern=r"^([a-z0-9]+(-[a-z0-9]+)*)?$", max_length=40)
     equation: str = ""
     latex: str = ""
@@ -80,6 +82,7 @@ class _Entry(_Table):
     split_by: str = ""
     needs: tuple[str, ...] = ()
     applies_to: tuple[str, ...] = ()
+    straight: bool = False
 
     def told(self) -> dict[str, Any]:
         """What is handed on as it stands."""

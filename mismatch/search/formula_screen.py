@@ -47,10 +47,15 @@ ACTS = {
     "propeller": ("load_torque", "inflow_velocity"),
     "load": ("load_torque",),
     "hull": ("resistance", "inflow_velocity"),
+    "sway": ("side_force",),
+    "yaw": ("yaw_moment",),
     "thrust": ("thrust", "inflow_velocity"),
     "pitch-actuator": ("pitch_rate",),
 }
 """Where what a balance lacks may act; thrust is told from resistance only where it is measured."""
+
+ASIDE = {"side_force": "sway", "yaw_moment": "yaw"}
+"""Places on a ship that turns, and the balances that lack what is added there."""
 
 HEARD = {
     "engine": ("shaft_speed", "drive", "brake_torque"),
@@ -59,6 +64,8 @@ HEARD = {
                   "propeller_torque"),
     "load": ("shaft_speed", "drive"),
     "hull": ("ship_speed", "shaft_speed", "pitch_ratio", "thrust", "resistance", "submergence"),
+    "sway": ("sway_speed", "yaw_rate", "rudder_angle", "ship_speed", "thrust"),
+    "yaw": ("sway_speed", "yaw_rate", "rudder_angle", "ship_speed", "thrust"),
     "thrust": ("shaft_speed", "pitch_ratio", "ship_speed", "advance_velocity", "submergence", "thrust"),
     "pitch-actuator": ("pitch_ratio", "pitch_command", "shaft_speed", "propeller_torque", "pitch_rate"),
 }  # fmt: skip
@@ -109,6 +116,8 @@ def home_of(place: str, balances: Balances) -> str:
         return next(n for n in ("propeller", "load", balances.prime_mover) if n in balances.names)
     if place == "resistance":
         return "hull"
+    if place in ASIDE:
+        return ASIDE[place]
     if place == "pitch_rate":
         return "pitch-actuator"
     order = ("thrust", "hull", "propeller", balances.prime_mover)
@@ -188,6 +197,8 @@ class Screen:
             "load_torque": dict.fromkeys([home_of(place, balances)], -1.0),
             "thrust": {"hull": push, "thrust": 1.0},
             "resistance": {"hull": -1.0},
+            "side_force": {"sway": 1.0},
+            "yaw_moment": {"yaw": 1.0},
             "pitch_rate": {"pitch-actuator": replay.ship.pitch_actuator.time_constant_s},
         }[place]
         found = np.zeros((len(names), replay.rows))

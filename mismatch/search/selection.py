@@ -15,7 +15,10 @@ from .fitting import Fit, Fitter
 from .placed import Placed, Window
 from .spectra import Complex, Likelihood, chance
 
-MOST_EFFECTS = 3
+MOST_EFFECTS, MORE_TURNING = 3, 2
+"""How many effects a search finds at most; and how many more on a ship that turns, which has two
+balances more in which something may be missing."""
+
 REFINED, FORMS = 5, 2
 """How many of a screen's best pieces of physics are refined by output error, and forms of each."""
 
@@ -102,13 +105,19 @@ class Selector:
         fitter: of the recording.
         effects: candidates.
         tick: told the stage, how much is done, and how much there is.
+        most: how many effects are found at most; by default :data:`MOST_EFFECTS`, and
+            :data:`MORE_TURNING` more on a ship that turns.
     """
 
-    def __init__(self, fitter: Fitter, effects: list[Effect], tick: Tick) -> None:
+    def __init__(
+        self, fitter: Fitter, effects: list[Effect], tick: Tick, most: int | None = None
+    ) -> None:
         self.fitter = fitter
         self.effects = effects
         self.windows: list[Window] = []  # in which an effect that acts for a time may do so [s]
         self.tick = tick
+        usual = MOST_EFFECTS + MORE_TURNING * fitter.trial_ship.ship.turns
+        self.most = usual if most is None else most
         self._moved: dict[str, list[Complex]] = {}
 
     def threshold(self, effect: Effect) -> float:
@@ -212,11 +221,11 @@ class Selector:
         return sorted(found, key=self._merit, reverse=True)
 
     def search(self) -> Selection:
-        """Forward selection of up to three effects, each checked backward."""
+        """Forward selection of effects, up to so many, each checked backward."""
         base = self.fitter.null
         ranking: tuple[Candidate, ...] = ()
         rivals: dict[str, tuple[Candidate, ...]] = {}
-        for round_ in range(MOST_EFFECTS):
+        for round_ in range(self.most):
             screened = self.screen(base, f"screening the catalogue, round {round_ + 1}")
             refined = self.refine(base, screened)
             if round_ == 0:

@@ -119,7 +119,11 @@ def fast_length(rows: int) -> int:
 
 
 def make_bands(
-    segments: list[tuple[int, int]], interval_s: float, balances: int, highest_Hz: float
+    segments: list[tuple[int, int]],
+    interval_s: float,
+    balances: int,
+    highest_Hz: float,
+    regressors: int = 0,
 ) -> Bands:
     """Bands for residuals of some balances over segments of a recording.
 
@@ -129,6 +133,9 @@ def make_bands(
         balances: how many residuals are judged together; a band holds three times as many frequencies
             at least, so that its covariance is well determined.
         highest_Hz: frequencies above are left out.
+        regressors: how many are free where they are many. So many and two for each further balance can
+            make a combination of the balances vanish at half as many frequencies, and a band of no more
+            would be explained perfectly by chance: a band holds as many again.
     """
     frequency, weight = [], []
     segments = [(a, a + fast_length(b - a)) for a, b in segments]
@@ -141,7 +148,7 @@ def make_bands(
     order = np.argsort(pooled, kind="stable")
     order = order[pooled[order] <= highest_Hz]
     ordered = pooled[order]
-    least = max(8, 3 * balances)
+    least = max(8, 3 * balances, regressors + 2 * (balances - 1))
     edges = [0]
     while edges[-1] < len(ordered):
         first = edges[-1]

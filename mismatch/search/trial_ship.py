@@ -15,6 +15,7 @@ from ...plant.propeller import cavitation_number
 from ...plant.propeller_curves import NO_PROPELLER
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
+from ...plant.terms import OF_A_TURN
 from ..simulate.balances import Balances
 from .catalogue import Effect, Parameter
 from .placed import Placed, Window
@@ -61,6 +62,10 @@ class TrialShip:
             key: float(np.clip(value, *self._range(host.number(key))))
             for key, value in found.items()
         }
+
+    def _scale(self, of: str) -> float:
+        """What a probe of 1 is worth: a scale by name, or the size of a number of the ship's file."""
+        return self._scales[of] if of in self._scales else abs(self.ship.number(of).value)
 
     def _fixed(self, of: float | str) -> float:
         """A number as it stands, by a scale, or another key's."""
@@ -147,11 +152,11 @@ class TrialShip:
         """Values at which a parameter is first tried, inside its bounds."""
         low, high = self.range_of(parameter)
         start = self.origin(parameter)
-        steps = [p * self._scales[parameter.of] for p in parameter.probes]
+        steps = [p * self._scale(parameter.of) for p in parameter.probes]
         if parameter.signed:
             steps = [-s for s in reversed(steps)] + steps
         least = self.least(parameter)
-        return [start + s for s in steps if low <= start + s <= high and abs(s) >= least]
+        return [start + s for s in steps if low <= start + s <= high and abs(s) >= least and s]
 
     def smallest(self, effect: Effect, windows: list[Window]) -> Iterator[Placed]:
         """The trials in which the effect's first value is as near to neutral as it is probed."""
@@ -175,9 +180,9 @@ def scales(balances: Balances) -> Mapping[str, float]:
     """What the catalogue's probes are counted in, by name: rms, mean or top of a nominal simulation.
 
     Torque [N m] is that of the propeller, or of the drive where there is none, force [N] the resistance,
-    ``drive`` is in the unit of the prime mover's demand, ``sigma_top`` is the cavitation number at the
-    highest shaft speed, and ``shaft_time`` [s] is how long that torque takes to bring the shaft to its
-    speed.
+    side force [N] of a ship that turns the centripetal one, ``drive`` is in the unit of the prime
+    mover's demand, ``sigma_top`` is the cavitation number at the highest shaft speed, and ``shaft_time``
+    [s] is how long that torque takes to bring the shaft to its speed.
     """
     samples, plant = balances.nominal_samples, balances.plant
     omega = np.abs(samples["shaft_speed"])
@@ -195,7 +200,13 @@ def scales(balances: Balances) -> Mapping[str, float]:
         f"force/{name}/{name}": typical(samples["resistance"]) / typical(heard) ** 2
         for name, heard in balances.replay.outside.items()
     }
-    heard = balances.replay.outside
+    heard: Mapping[str, Any] = balances.replay.outside
+    if plant["turns"]:
+        heard = {**heard, **{name: samples[name] for name in OF_A_TURN}}
+        across = float(plant["mass"]) * typical(samples["ship_speed"] * samples["yaw_rate"])
+        outside |= {f"side_force/{n}/{n}": across / typical(heard[n]) ** 2 for n in heard}
+        rudder = typical(heard["rudder_angle"])
+        outside["force/rudder_angle/rudder_angle"] = typical(samples["resistance"]) / rudder**2
     if "sway_speed" in heard and "yaw_rate" in heard:
         turning = typical(heard["sway_speed"]) * typical(heard["yaw_rate"])
         outside["force/sway_speed/yaw_rate"] = typical(samples["resistance"]) / turning

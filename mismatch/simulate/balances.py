@@ -8,6 +8,7 @@ smear over the others, as it does in the channels of an open-loop simulation.
     propeller   I_R dw/dt + M_p(w, P/D, v_a) + M_f - M_m   [N m]
     load        the same on a shaft without a propeller    [N m]
     hull        m dv/dt - k_p (1 - t) T + R(v)             [N]
+    sway, yaw   of a ship that turns, see below            [N, N m]
     pitch       P/D - its answer to the command            [-]
     thrust      T - T(w, P/D, v_a), where it is measured   [N]
     current     i - (U - K w) / R, where it is measured    [A]
@@ -17,51 +18,70 @@ recording's interval. The residual is a coordinate, not the model: it is formed 
 from simulated signals, and what is compared is their difference; so lags and Coulomb friction may be
 left out of it. Without a torque gauge, engine and propeller are one balance. A drive that holds its
 speed has no balance.
+
+On a ship that turns, hull, sway and yaw are her mass matrix times what the measured accelerations have
+more than the plant's own at the measured velocities: centripetal forces, drift and rudder are in it. The
+rate of turn is the measured one, or the heading's derivative.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.compiled import Record, compiled
-from ...plant.columns import SHAFT_ANGLE, SHAFT_SPEED
+from ...plant.columns import HEADING, RUDDER, SHAFT_ANGLE, SHAFT_SPEED, SWAY_SPEED, YAW_RATE
 from ...plant.dynamics import loads
+from ...plant.manoeuvring import planar_acceleration, planar_inertia
 from ...plant.shaft import inertia_behind_gauge
-from ...plant.state import motion_state, steady_inputs, without_lags
+from ...plant.state import STATE, Inputs, get_state, without_lags
+from ...plant.term_kernel import NO_SIGNALS
 from .joint_replay import JointReplay
 
 Channels = dict[str, NDArray[np.float64]]
+
+
+RATES = ("surge_rate", "sway_rate", "yaw_rate_rate")
+ACTING = np.dtype(
+    [(name, np.float64) for name in ("drive", "load", "thrust", "push", "drag", "current", *RATES)]
+)
+"""The plant's loads at a sample [N m, N, A]; of a ship that turns, its accelerations [m/s2, rad/s2]."""
 
 
 @compiled
 def _loads_at(
     plant: Record,
     demand: NDArray[np.float64],
-    pitch_ratio: NDArray[np.float64],
-    shaft_speed: NDArray[np.float64],
-    ship_speed: NDArray[np.float64],
+    states: Any,
+    rudder: NDArray[np.float64],
     inflow: NDArray[np.float64],
     elevation: NDArray[np.float64],
-    drive_torque: NDArray[np.float64],
-    load_torque: NDArray[np.float64],
-    thrust: NDArray[np.float64],
-    push: NDArray[np.float64],
-    drag: NDArray[np.float64],
-    current: NDArray[np.float64],
+    found: Any,
 ) -> None:
-    """The plant's loads at each sample; the last six filled."""
+    """The plant's loads at each sample of STATE records; ``found``, ACTING records, is filled."""
     for k in range(len(demand)):
         rack = min(max(demand[k], plant.drive_min), plant.drive_max)
-        state = motion_state(pitch_ratio[k], shaft_speed[k], ship_speed[k])
-        acts = steady_inputs(rack, pitch_ratio[k], inflow[k], elevation[k])
-        acting = loads(plant, state, acts, pitch_ratio[k])
-        drive_torque[k] = acting.drive_torque
-        load_torque[k] = acting.load_torque
-        thrust[k] = acting.thrust
-        push[k] = acting.push
-        drag[k] = acting.resistance
-        current[k] = acting.motor_current
+        state = get_state(states[k])
+        acts = Inputs(
+            rack, state.pitch_ratio, inflow[k], 0.0, 0.0, 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0, 0.0,
+            rudder[k], NO_SIGNALS,
+        )  # fmt: skip
+        acting = loads(plant, state, acts, state.pitch_ratio)
+        found[k].drive = acting.drive_torque
+        found[k].load = acting.load_torque
+        found[k].thrust = acting.thrust
+        found[k].push = acting.push
+        found[k].drag = acting.resistance
+        found[k].current = acting.motor_current
+        if plant.turns != 0:
+            surge, sway, yaw = planar_acceleration(
+                plant, acting.ahead, acting.across, state.yaw_rate, state.heading,
+                acting.push - acting.resistance + acting.surge_force, acting.side_force,
+                acting.yaw_moment,
+            )  # fmt: skip
+            found[k].surge_rate, found[k].sway_rate, found[k].yaw_rate_rate = surge, sway, yaw
 
 
 PART_OF = {"thrust": "propeller", "current": "motor", "load": "motor"}
@@ -108,6 +128,11 @@ class Balances:
                 rows.append(("propeller" if replay.ship.has_propeller else "load", "N m"))
         if self.moving:
             rows.append(("hull", "N"))
+        self.turning = replay.ship.turns and replay.ship.moves
+        if self.turning and SWAY_SPEED in replay.channels:
+            rows.append(("sway", "N"))
+        if self.turning and (YAW_RATE in replay.channels or HEADING in replay.channels):
+            rows.append(("yaw", "N m"))
         if "thrust_N" in replay.channels:
             rows.append(("thrust", "N"))
         if "motor_current_A" in replay.channels and replay.ship.has_voltage:
@@ -134,17 +159,15 @@ class Balances:
     def residuals(self, channels: Channels) -> NDArray[np.float64]:
         """What each balance lacks, of measured or simulated channels; shape (balances, rows)."""
         replay, plant, dt = self.replay, self.plant, self.replay.interval_s
-        pitch = channels.get("pitch_ratio", self._pitch) - float(plant["pitch_sensor_offset"])
-        speed = channels.get("ship_speed_m_s", self._speed)
         omega = self._shaft_speed(channels)
-        n = replay.rows
-        drive, load, thrust, push, drag, current = (np.zeros(n) for _ in range(6))
+        acting = np.zeros(replay.rows, ACTING)
+        states = self._states(channels, omega)
         _loads_at(
-            self._prompt, replay.drive_rows, np.ascontiguousarray(pitch),
-            np.ascontiguousarray(omega), np.ascontiguousarray(speed), replay.inflow_rows,
-            replay.elevation_rows, drive, load, thrust, push, drag, current,
+            self._prompt, replay.drive_rows, states, self._rudder(channels), replay.inflow_rows,
+            replay.elevation_rows, acting,
         )  # fmt: skip
-        acceleration = rate(omega, dt)
+        acceleration, speed = rate(omega, dt), states["ship_speed"]
+        planar = self._planar_forces(states, acting) if self.turning else {}
         left = float(plant["inertia_engine_side"])
         right = inertia_behind_gauge(plant)
         found = []
@@ -153,18 +176,62 @@ class Balances:
                 found.append(channels["pitch_ratio"] - self.nominal["pitch_ratio"])
             elif name == self.prime_mover:
                 if self.gauged:
-                    found.append(left * acceleration + channels["shaft_torque_N_m"] - drive)
+                    gauge = channels["shaft_torque_N_m"]
+                    found.append(left * acceleration + gauge - acting["drive"])
                 else:
-                    found.append((left + right) * acceleration + load - drive)
+                    found.append((left + right) * acceleration + acting["load"] - acting["drive"])
             elif name in ("propeller", "load"):
-                found.append(right * acceleration + load - channels["shaft_torque_N_m"])
+                found.append(right * acceleration + acting["load"] - channels["shaft_torque_N_m"])
+            elif name in planar:
+                found.append(planar[name])
             elif name == "hull":
-                found.append(float(plant["mass"]) * rate(speed, dt) - push + drag)
+                found.append(
+                    float(plant["mass"]) * rate(speed, dt) - acting["push"] + acting["drag"]
+                )
             elif name == "thrust":
-                found.append(channels["thrust_N"] - thrust)
+                found.append(channels["thrust_N"] - acting["thrust"])
             else:
-                found.append(channels["motor_current_A"] - current)
+                found.append(channels["motor_current_A"] - acting["current"])
         return np.array(found)
+
+    def _states(self, channels: Channels, omega: NDArray[np.float64]) -> Any:
+        """Measured states, the nominal ones where a channel is not there; STATE records (rows,)."""
+        states = np.zeros(self.replay.rows, STATE)
+        offset = float(self.plant["pitch_sensor_offset"])
+        states["pitch_ratio"] = channels.get("pitch_ratio", self._pitch) - offset
+        states["ship_speed"] = channels.get("ship_speed_m_s", self._speed)
+        states["shaft_speed"] = omega
+        if self.turning:
+            nominal = self.nominal_samples
+            states["sway_speed"] = channels.get(SWAY_SPEED, nominal["sway_speed"])
+            states["heading"] = channels.get(HEADING, nominal["heading"])
+            if YAW_RATE in channels or HEADING not in channels:
+                states["yaw_rate"] = channels.get(YAW_RATE, nominal["yaw_rate"])
+            else:
+                states["yaw_rate"] = self._run_rate(channels[HEADING])
+        return states
+
+    def _rudder(self, channels: Channels) -> NDArray[np.float64]:
+        """The rudder's angle [rad]: the measured one, or what the nominal ship's gear makes of it."""
+        return np.ascontiguousarray(channels.get(RUDDER, self.nominal_samples["rudder_angle"]))
+
+    def _run_rate(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Time derivative of each recording for itself: they begin on headings of their own."""
+        dt, segments = self.replay.interval_s, self.replay.segments
+        return np.concatenate([rate(values[a:b], dt) for a, b in segments])
+
+    def _planar_forces(self, states: Any, acting: Any) -> Channels:
+        """Forces [N] and moment [N m] that hull, sway and yaw lack, each of shape (rows,)."""
+        sway, sway_yaw, yaw_sway, yaw = map(float, planar_inertia(self.plant))
+        ahead, across, turn = (
+            self._run_rate(states[name]) - acting[own]
+            for name, own in zip(("ship_speed", "sway_speed", "yaw_rate"), RATES, strict=True)
+        )
+        return {
+            "hull": float(self.plant["mass"]) * ahead,
+            "sway": sway * across + sway_yaw * turn,
+            "yaw": yaw_sway * across + yaw * turn,
+        }
 
     def _shaft_speed(self, channels: Channels) -> NDArray[np.float64]:
         if SHAFT_SPEED not in channels and SHAFT_ANGLE in channels:

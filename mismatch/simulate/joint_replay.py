@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import MEASURED, SHAFT_ANGLE
+from ...plant.columns import HEADING, MEASURED, SHAFT_ANGLE
 from ...plant.replay import Replay
 from ...plant.ship import Ship
 from ...plant.signals import SAMPLE
@@ -29,6 +29,9 @@ START_STEPS = 40
 MOVES_APART = 12
 """Moves of the demands whose times between two rows are doubted one by one."""
 
+
+UNMOVED = (0.0, 0.0, 0.0)
+"""Shift of the first state by nothing."""
 
 RESOLUTION = 1e-5
 """Share of its largest value that a channel is read to at best: one that was simulated, not measured,
@@ -93,6 +96,7 @@ class JointReplay:
             return self._averaged([getattr(run, name) for run in self.runs])
 
         self.drive_rows, self.command = joined("drive_rows"), joined("command")
+        self.rudder_rows = joined("rudder_rows")
         self.excited = any(
             moves(run.drive_rows) or moves(run.command) or loaded(ship, run.table)
             for run in self.runs
@@ -109,12 +113,13 @@ class JointReplay:
         """A signal of every run, shape (rows of the run,) or (rows, signals), end to end."""
         return np.concatenate([blocks(part, self.every) for part in parts])
 
-    def simulate(self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
+    def simulate(self, plant: Any, shift: tuple[float, ...] = UNMOVED) -> Any:
         """Samples at the recordings' rows under a ship record; SAMPLE array of shape (rows,).
 
         Args:
             plant: ship record.
-            shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s].
+            shift: of the first pitch ratio [-], shaft speed [rad/s] and ship speed [m/s], and of a
+                ship that turns sway speed [m/s], yaw rate [rad/s] and heading [rad].
         """
         found = list(self._sailed(plant, shift, self.simulate_run))
         if self.every == 1:
@@ -124,7 +129,7 @@ class JointReplay:
         return np.ascontiguousarray(plain).view(SAMPLE).ravel()
 
     def channels_of(
-        self, plant: Any, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self, plant: Any, shift: tuple[float, ...] = UNMOVED
     ) -> dict[str, NDArray[np.float64]]:
         """The measured channels of a simulation alone, as :meth:`simulated` gives them.
 
@@ -165,11 +170,11 @@ class JointReplay:
                 yield other
 
     def _sailed(
-        self, plant: Any, shift: tuple[float, float, float], simulate: Callable[..., NDArray[Any]]
+        self, plant: Any, shift: tuple[float, ...], simulate: Callable[..., NDArray[Any]]
     ) -> Iterator[NDArray[Any]]:
         for run in self.runs:
-            start = tuple(a + b for a, b in zip(run.start, shift, strict=True))
-            yield simulate(run, plant, start)
+            start = tuple(a + b for a, b in zip(run.start, shift[:3], strict=True))
+            yield simulate(run, plant, start + shift[3:])
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
         """Samples at one recording's rows.
@@ -177,7 +182,8 @@ class JointReplay:
         Args:
             run: one of ``runs``.
             plant: ship record.
-            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at its first row.
+            start: pitch ratio [-], shaft speed [rad/s] and ship speed [m/s] at its first row; what
+                follows them shifts :data:`shaftline.plant.replay.IN_THE_PLANE`.
         """
         return run.simulate(plant, start)
 
@@ -199,7 +205,7 @@ class JointReplay:
         rng = np.random.default_rng(0)
         found = dict(self.recorded)
         for column, values in self.recorded.items():
-            sized = np.diff(values) if column == SHAFT_ANGLE else values
+            sized = np.diff(values) if column in (SHAFT_ANGLE, HEADING) else values
             least = RESOLUTION * float(np.abs(sized).max())
             if describe(values[slice(*self.segments[0])], self.interval_s).white_rms < least:
                 found[column] = values + least * rng.standard_normal(len(values))

@@ -45,6 +45,10 @@ class LinearReplay(JointReplay):
     """
 
     def __init__(self, ship: Any, *tables: Any, line: bool = False, every: int = 1) -> None:
+        if ship.turns:
+            raise ValueError(
+                f"{ship.name}: a ship that turns has no linear model to be fitted here"
+            )
         if not ship.turns_freely:
             raise ValueError(f"{ship.name}: a speed that is held has no linear model to be fitted")
         super().__init__(ship, *tables, line=line, every=every)

@@ -12,13 +12,15 @@ import numpy as np
 
 from ...plant.ship import Ship
 from ...plant.tolerances import TOLERATED
+from .joint_replay import UNMOVED as UNMOVED
 from .joint_replay import JointReplay
 
 START = {"pitch_ratio": 0.005, "shaft_speed": 0.02, "ship_speed": 0.05}
-"""Standard deviation of the first state: P/D [-], share of the shaft speed, ship speed [m/s]."""
+"""Standard deviation of the first state: P/D [-], share of the shaft speed, ship speed [m/s]; that of
+sway is the ship speed's, of the rate of turn what gives as much at bow and stern."""
 
-
-UNMOVED = (0.0, 0.0, 0.0)
+TURNING = tuple(key for key, of in TOLERATED.items() if of in ("hull_derivatives", "rudder_force"))
+"""Keys of the numbers of a ship that turns of which a tolerance speaks."""
 
 NEAR = 0.05
 """Share of a number over which the simulation is felt where its tolerance is wider."""
@@ -28,14 +30,14 @@ class Moved(NamedTuple):
     """The nominal ship with a number one standard deviation off, or several that go together."""
 
     record: Any
-    start: tuple[float, float, float]  # shift of the first state: P/D, shaft speed, ship speed
+    start: tuple[float, ...]  # shift of the first state, as of JointReplay.simulate
     numbers: Mapping[str, float] = {}  # change of each number of the ship's file, by dotted key
     share: float = 1.0  # of the deviation that stands in the record
 
 
 def tolerance_records(
     replay: JointReplay, scale: float = 1.0, free: Collection[str] = ()
-) -> Iterator[tuple[Any, tuple[float, float, float]]]:
+) -> Iterator[tuple[Any, tuple[float, ...]]]:
     """The nominal ship with each number one standard deviation off: record, and shift of the start.
 
     Numbers of which the file knows how their errors go together are moved together, along the axes of
@@ -109,6 +111,10 @@ def tolerance_moves(
         yield from off("prime_mover.armature_resistance_ohm")
     if replay.controllable:
         yield from off("pitch_actuator.time_constant_s")
+    if ship.moves and ship.turns:
+        for key in TURNING:
+            if ship.has_key(key) and ship.number(key).value != 0.0:
+                yield from off(key)
     told_by_file = [k for k, one in known.numbers.items() if k not in free and scale * one > 0.0]
     for numbers in _joint(ship, told_by_file, scale):
         yield _moved(ship, numbers, near)
@@ -119,6 +125,10 @@ def tolerance_moves(
         yield Moved(ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0))
     if ship.moves:
         yield Moved(ship.record(), (0.0, 0.0, scale * START["ship_speed"]))
+    if ship.moves and ship.turns:
+        across = scale * START["ship_speed"]
+        yield Moved(ship.record(), (*UNMOVED, across))
+        yield Moved(ship.record(), (*UNMOVED, 0.0, 2.0 * across / ship.manoeuvring.length_m))
 
 
 def _joint(ship: Ship, keys: list[str], scale: float) -> Iterator[dict[str, float]]:

@@ -1,6 +1,6 @@
 """What the surge of a real tanker model leaves out: the page of :mod:`.runs` and its figure.
 
-Run ``python -m shaftline.studies.esso_osaka_model --recordings FOLDER --out docs/results``; three
+Run ``python -m shaftline.studies.esso_osaka_model --recordings FOLDER --out docs/results``; ten
 minutes.
 """
 
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from . import page
 from .runs import FREE, Recordings, diagnosed, nominal, surge_ship
+from .turning import sailed_by
 
 
 def main() -> None:
@@ -27,7 +28,12 @@ def main() -> None:
         ships = {"as assumed": runs.found(surge_ship()), "numbers found": nominal(runs, tick)}
         plain, ships["diagnosed"] = diagnosed(runs, tick=tick)
         moved, ships["diagnosed, numbers free"] = diagnosed(runs, FREE, tick=tick)
-        page.write(options.out, runs, ships, {"diagnosed": plain, "diagnosed, numbers free": moved})
+        said = {"diagnosed": plain, "diagnosed, numbers free": moved}
+        for what, free in (("five effects", ()), ("five effects, numbers free", FREE)):
+            said[what], ships[what] = diagnosed(runs, free, tick=tick, most=5)
+        with Recordings(options.recordings, across=True) as steered:
+            turned = sailed_by(steered, tick)
+            page.write(options.out, runs, ships, said, (steered, turned))
     print(f"page: {options.out / 'esso-osaka-model.md'}")
 
 

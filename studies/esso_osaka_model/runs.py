@@ -20,7 +20,10 @@ from ...plant.columns import RUDDER, SHAFT_SPEED, TIME
 from ...plant.replay import simulate_recording
 
 SPEED = "ship_speed_m_s"
-WIND = "head_wind"
+WIND, WIND_ACROSS = "head_wind", "side_wind"
+
+EVERY = 4
+"""Rows of 10 Hz of which one is kept for a ship that turns: she takes 10 s for a length."""
 
 HELD_OUT = ("random_06-Aug-2020_16_24_25_6", "turn_14-Sep-2020_15_58_08")
 """Runs that nothing is fitted to: one that reverses in the strongest wind, one that turns."""
@@ -45,14 +48,16 @@ def surge_ship() -> Ship:
     return load_ship(str(importlib.resources.files(__package__).joinpath("surge.toml")))
 
 
-def canonical(raw: pd.DataFrame) -> pd.DataFrame:
+def canonical(raw: pd.DataFrame, across: bool = False) -> pd.DataFrame:
     """A recording of the data set with canonical columns, and the wind from ahead.
 
     Args:
         raw: as published: positions, velocities, revolutions, rudder, wind as felt on board and where
             it comes from.
+        across: whether the wind to starboard is wanted too.
     """
     wind, comes_from = raw["wind_velo_relative_mid [m/s]"], raw["wind_dir_relative_mid [rad]"]
+    aside = {WIND_ACROSS: -wind * np.sin(comes_from)} if across else {}
     return pd.DataFrame(
         {
             TIME: raw["t [s]"] - raw["t [s]"].iloc[0],
@@ -63,6 +68,7 @@ def canonical(raw: pd.DataFrame) -> pd.DataFrame:
             "heading_rad": np.unwrap(raw["psi_hat [rad]"]),
             RUDDER: raw["delta_rudder [rad]"],
             WIND: wind * np.cos(comes_from),
+            **aside,
         }
     )
 
@@ -72,12 +78,14 @@ class Recordings:
 
     Args:
         folder: of the data set's CSV files.
+        across: whether they hold the wind across the ship, which only one that turns can use. She is
+            slower to sail, so these have one row of :data:`EVERY`.
 
     Raises:
         FileNotFoundError: no run, or not those that are held out.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, across: bool = False) -> None:
         files = sorted(folder.glob("*.csv"))
         if lacking := [name for name in HELD_OUT if folder / f"{name}.csv" not in files]:
             raise FileNotFoundError(f"{folder}: no {lacking[0]}.csv")
@@ -85,9 +93,12 @@ class Recordings:
         room = Path(self._room.name)
         self.paths = {file.stem: room / file.name for file in files}
         for file in files:
-            canonical(pd.read_csv(file)).to_csv(self.paths[file.stem], index=False)
+            table = canonical(pd.read_csv(file), across).iloc[:: EVERY if across else 1]
+            table.to_csv(self.paths[file.stem], index=False)
         self.columns = room / "columns.toml"
-        self.columns.write_text(tomli_w.dumps({"signals": {WIND: {"signal": WIND, "unit": "m/s"}}}))
+        heard = (WIND, WIND_ACROSS) if across else (WIND,)
+        signals = {name: {"signal": name, "unit": "m/s"} for name in heard}
+        self.columns.write_text(tomli_w.dumps({"signals": signals}))
 
     def __enter__(self) -> Recordings:
         """The files are there."""
@@ -128,7 +139,11 @@ def nominal(runs: Recordings, tick: Tick = silent) -> Found:
 
 
 def diagnosed(
-    runs: Recordings, free: tuple[str, ...] = (), exclude: tuple[str, ...] = (), tick: Tick = silent
+    runs: Recordings,
+    free: tuple[str, ...] = (),
+    exclude: tuple[str, ...] = (),
+    tick: Tick = silent,
+    most: int | None = None,
 ) -> tuple[Diagnosis, Found]:
     """The file diagnosed on the fitted runs, judged on those held out.
 
@@ -137,8 +152,9 @@ def diagnosed(
         free: numbers of the file that may move widely.
         exclude: ids that are not tried.
         tick: progress.
+        most: effects that are named at most; the search's own number by default.
     """
-    options = Options(columns=runs.columns, free=free, exclude=exclude)
+    options = Options(columns=runs.columns, free=free, exclude=exclude, most_effects=most)
     said = diagnose(
         surge_ship(), *(runs.paths[name] for name in runs.fitted),
         hold_out=[runs.paths[name] for name in HELD_OUT], options=options, tick=tick,

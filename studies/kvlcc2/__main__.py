@@ -12,6 +12,7 @@ from . import page
 from .numbers import found_by, found_in, refusals, sensitivity
 from .oblique import own_terms
 from .runs import BEFORE, SMALL, load_runs, ship_of
+from .turning import sailed_by
 
 
 def main() -> None:
@@ -25,7 +26,7 @@ def main() -> None:
     found = page.Findings(
         ship, runs, found_in(ship, runs, SMALL), found_in(ship, runs, BEFORE),
         refusals(ship, runs), sensitivity(ship, runs), found_by(ship, runs, SMALL),
-        own_terms(ship, runs),
+        own_terms(ship, runs), sailed_by(options.recordings, runs),
     )  # fmt: skip
     page.write(options.out, found)
     print(found.small.summary())

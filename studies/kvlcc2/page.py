@@ -14,7 +14,7 @@ from ...display.tables import markdown, write_table
 from ...mismatch.numbers.identification import Identification
 from ...plant import Ship
 from ...plant.columns import SHAFT_SPEED, TIME
-from . import oblique_page
+from . import oblique_page, turning_page
 from .numbers import DEDUCTION, EFFICIENCY, FRESH_COLD, RESISTANCE, WAKE, best_wake, judged
 from .oblique import Own
 from .runs import (
@@ -33,6 +33,7 @@ from .runs import (
     straight_parts,
     straight_rows,
 )
+from .turning import Turning
 
 COMMAND = "python -m shaftline.studies.kvlcc2 --recordings FOLDER --out docs/results"
 NAME, TITLE = "kvlcc2", "KVLCC2: wake and thrust deduction from the straight parts of zig-zags"
@@ -53,6 +54,7 @@ class Findings:
         sensitivity: the numbers by other answers to what is straight.
         others: other questions to the parts of small drift.
         own: what a term of one's own makes of the zig-zags.
+        turning: the zig-zags as the turning ship sails them.
     """
 
     ship: Ship
@@ -63,6 +65,7 @@ class Findings:
     sensitivity: pd.DataFrame
     others: dict[str, Identification]
     own: Own
+    turning: Turning
 
 
 INTRODUCTION = f"""\
@@ -101,6 +104,8 @@ def write(folder: Path, found: Findings) -> None:
     figures.save(
         oblique_page.drawn(found.own, found.runs), folder / "figures" / f"{NAME}-own-term.png"
     )
+    sailed = turning_page.drawn(found.turning, found.runs)
+    figures.save(sailed, folder / "figures" / f"{NAME}-turning.png")
 
 
 def body(found: Findings, table: pd.DataFrame) -> str:
@@ -111,6 +116,7 @@ def body(found: Findings, table: pd.DataFrame) -> str:
     parts += ["\n![Thrust, measured and simulated](figures/kvlcc2.png)\n", _carried(found, table)]
     parts += ["\n## A term of one's own: the wake in drift\n"]
     parts += [oblique_page.section(found.own, found.runs)]
+    parts += ["\n## The zig-zags sailed\n", turning_page.section(found.turning)]
     parts += [
         "\n## How much hangs on what is called straight\n",
         _sensitivity(found),

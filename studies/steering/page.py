@@ -205,10 +205,10 @@ numbers; those here are of its printed controller and plant."""
 _TRACK_SEA = f"""\
 The surrogate at 22 knots; a beam current of 5 knots from {voyages.GUST_AT:g} L on; a line two lengths to
 port at {voyages.LEFT_AT:g} L, led to over {voyages.CHANGE_LENGTHS:g} L (eight minutes), and back at
-{voyages.BACK_AT:g} L. "Carried": the current adds to the cross track's speed and does nothing else, as
-in the thesis. "Met": the hull meets it and is turned by it, as a ship is. "On a wall": sea state 4 pushes
-as if the hull threw all of the waves back, which none does; {100.0 * voyages.REFLECTED:g} % of their energy
-is assumed otherwise."""
+{voyages.BACK_AT:g} L. "Carried": the current adds to the cross track's speed and does nothing else,
+as in the thesis. "Met": the hull meets it and is turned by it, as a ship is. "On a wall": sea state 4
+pushes as if the hull threw all of the waves back, which none does; {100.0 * voyages.REFLECTED:g} % of
+their energy is assumed otherwise."""
 
 
 def _track_rows(loop: dict[str, float], at_sea: dict[str, dict[str, float]]) -> list[Row]:
@@ -242,8 +242,8 @@ def _track_rows(loop: dict[str, float], at_sea: dict[str, dict[str, float]]) -> 
 
 def _acting(acts: results.Numbers) -> str:
     return (
-        f"On the surrogate's own linear steering, sway with it, a command every {voyages.INTERVAL_S:g} s: "
-        f"gain margin {acts.gain_margin_dB:.1f} dB, phase margin {acts.phase_margin_deg:.1f}°, overshoot "
+        f"On the surrogate's own linear steering, a command every {voyages.INTERVAL_S:g} s: gain margin "
+        f"{acts.gain_margin_dB:.1f} dB, phase margin {acts.phase_margin_deg:.1f}°, overshoot "
         f"{acts.overshoot_percent:.1f} %, settled after {acts.settling_lengths:.2f} L."
     )
 

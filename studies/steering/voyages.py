@@ -160,8 +160,8 @@ def sailed(
         off += INTERVAL_S * sum(v for at, v in (carried or {}).items() if time >= at * unit)
     names = (
         "time_s", "way", "position_m", "cross_track_m", "heading_rad", "yaw_rate_rad_s",
-        "sway_speed_m_s", "ship_speed_m_s", "rudder_rad", "rudder_command_rad", "heading_order_rad", "track_order_m",
-        "aim",
+        "sway_speed_m_s", "ship_speed_m_s", "rudder_rad", "rudder_command_rad",
+        "heading_order_rad", "track_order_m", "aim",
     )  # fmt: skip
     return pd.DataFrame(rows, columns=names)
 

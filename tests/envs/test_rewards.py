@@ -30,7 +30,8 @@ LIMIT = 15e3 + 467.0 * (GEAR * SPEED - LOWEST)  # of the brake torque there [N m
 QUIET = Instant(
     order=8.0, ship_speed=8.0, shaft_speed=SPEED, rack=10.0, drive=10.0, drive_before=10.0,
     torque_before=2e5, mean_torque=2e5, mean_brake_torque=2e4, attack=3.0, mean_attack=3.0,
-    outside_bucket=0.0, dt=0.05,
+    outside_bucket=0.0, heading_error=0.0,
+    track_error=0.0, rudder_turn=0.0, dt=0.05,
 )  # fmt: skip
 """No term but the fuel's has anything to say."""
 
@@ -178,7 +179,7 @@ def test_weights_are_costs_and_few_have_a_default() -> None:
     needed = [name for name, field in Weights.model_fields.items() if field.is_required()]
     assert needed == list(TERMS[:7])
     plain = Weights(**dict.fromkeys(needed, 0.0))
-    assert [getattr(plain, name) for name in TERMS[7:]] == [*6 * (0.0,), 500.0]
+    assert [getattr(plain, name) for name in TERMS[7:]] == [*9 * (0.0,), 500.0]
     with pytest.raises(ValidationError, match="frozen"):
         plain.overload = 1.0
     with pytest.raises(ValidationError, match="finite"):
@@ -186,6 +187,31 @@ def test_weights_are_costs_and_few_have_a_default() -> None:
     for name in TERMS:
         with pytest.raises(ValidationError, match=f"(?s){name}.*greater than or equal to 0"):
             Weights(**(dict.fromkeys(needed, 0.0) | {name: -1.0}))
+
+
+def test_steering_terms_are_in_degrees_and_metres_and_count_both_ways() -> None:
+    for sign in (-1.0, 1.0):
+        now = QUIET._replace(
+            heading_error=sign * math.radians(3.0), track_error=sign * 20.0,
+            rudder_turn=sign * math.radians(0.1),
+        )  # fmt: skip
+        assert terms_of(now, share=0.25) == pytest.approx(
+            {
+                "heading_error_deg": 0.75,
+                "track_error_m": 5.0,
+                "rudder_rate_deg_s": 0.25 * 0.1 / 0.05,
+            }
+        )
+
+
+def test_the_page_of_steering_tells_its_weights() -> None:
+    page = (Path(__file__).parents[2] / "docs/steering.md").read_text(encoding="utf-8")
+    (table,) = re.findall(r"\| steered weight \|.*?\n\n", page, re.DOTALL)
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines()[2:-1]]
+    told = {name.strip("`"): [*map(float, row)] for name, *row in rows}
+    weights = [task.weights.model_dump() for task in tasks(steered=True).values()]
+    meant = {n: [w[n] for w in weights] for n in TERMS if any(w[n] for w in weights)}
+    assert told == meant
 
 
 def test_the_page_tells_every_term_as_it_is_declared() -> None:

@@ -61,7 +61,7 @@ def test_file_that_is_no_text_is_named(tmp_path: Path) -> None:
 def test_unknown_preset_names_the_known_ones() -> None:
     with pytest.raises(
         ShipError,
-        match=r"unknown ship 'frigat'.*ferry, frigate, frigate-at-sea, kvlcc2, rov-thruster",
+        match=r"unknown ship 'frigat'.*frigate, frigate-at-sea, frigate-turning, kvlcc2, rov-thruster",
     ):
         load_ship("frigat")
 

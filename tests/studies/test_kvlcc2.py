@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.display import figures
 from shaftline.mismatch import identify
 from shaftline.mismatch.numbers.identification import Identification
 from shaftline.plant import RecordingError, Ship
-from shaftline.studies.kvlcc2 import __main__, numbers, oblique, page
+from shaftline.studies.kvlcc2 import __main__, numbers, oblique, page, turning_page
 from shaftline.studies.kvlcc2.numbers import Errors
 from shaftline.studies.kvlcc2.runs import (
     APPROACH_SPEED,
@@ -196,7 +197,11 @@ def test_the_unseen_zigzag_comes_near_what_a_constant_wake_can_reach(
 
 
 def test_the_page_tells_every_run(
-    ship: Ship, runs: Runs, small: Identification, tmp_path: Path
+    ship: Ship,
+    runs: Runs,
+    small: Identification,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     sensitivity = pd.DataFrame(
         [{"title": BEFORE.title, "from_s": 0.0}, {"title": SMALL.title, "from_s": 3.0}]
@@ -217,13 +222,17 @@ def test_the_page_tells_every_run(
         sentence="what the tool says",
     )
     own = oblique.Own(here, tried, here, said_of, said_of, said_of, Errors(0.9, 0.02))
-    found = page.Findings(ship, runs, small, small, {}, sensitivity, others, own)
+    steered: Any = SimpleNamespace()  # told by its own module's tests
+    monkeypatch.setattr(turning_page, "section", lambda found: "how the turning ship sails")
+    monkeypatch.setattr(turning_page, "drawn", lambda *_: figures.new_figure(1, 1, (4.0, 3.0))[0])
+    found = page.Findings(ship, runs, small, small, {}, sensitivity, others, own, steered)
     page.write(tmp_path, found)
     said = (tmp_path / "kvlcc2.md").read_text()
     assert all(f"| {name}" in said for name in NAMES)
     assert f"{small.parameters[numbers.WAKE]:.3f} (" in said
     assert len(pd.read_csv(tmp_path / "kvlcc2.csv")) == len(NAMES)
     assert "what the tool says" in said
+    assert "how the turning ship sails" in said
     assert "| 1.25 | 31 |" in said
     assert (tmp_path / "figures" / "kvlcc2-own-term.png").stat().st_size > 10_000
     assert (tmp_path / "figures" / "kvlcc2.png").stat().st_size > 10_000

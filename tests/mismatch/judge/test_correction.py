@@ -62,3 +62,15 @@ def test_one_that_runs_worse_is_not_taken_however_likely() -> None:
     assert taken(Ship("all", 1.001 * limit), all=500.0) == ("nominal", 0.0, ["speed"])
     assert taken(Ship("all", 0.999 * limit), all=500.0) == ("all", 500.0, [])
     assert taken(Ship("all", float("nan")), all=500.0) == ("nominal", 0.0, ["speed"])
+
+
+def test_a_heading_is_judged_only_where_no_rate_of_turn_is() -> None:
+    """What the rate was off since the start stands in it, right or wrong by chance."""
+    measured = {"heading_rad": MEASURED, "yaw_rate_rad_s": MEASURED}
+    for recorded, judged in ((measured, {"yaw_rate_rad_s"}), ({"heading_rad": MEASURED}, None)):
+        replay: Any = SimpleNamespace(
+            recorded=recorded, channels_of=lambda ship: dict.fromkeys(measured, MEASURED + 1.0)
+        )
+        ship: Any = Ship("any", 0.0)
+        found = FreeRunning(replay, np.array([0, 1])).errors(ship)
+        assert set(found) == (judged or {"heading_rad"})

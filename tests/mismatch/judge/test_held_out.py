@@ -11,8 +11,12 @@ import pytest
 from shaftline.mismatch.judge.held_out import HeldOut, bands_of, set_aside
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.spectra import Likelihood
+from shaftline.mismatch.simulate.balances import Balances
+from shaftline.mismatch.simulate.joint_replay import JointReplay
+from shaftline.mismatch.simulate.tolerances import tolerance_moves
 
 from ..toy import FRICTION, ROWS, entry, fitter, white
+from ..turning import quick_tanker, swinging
 
 
 def replay(demand: Any, command: Any = None, segments: Any = None) -> Any:
@@ -21,6 +25,7 @@ def replay(demand: Any, command: Any = None, segments: Any = None) -> Any:
     return SimpleNamespace(
         drive_rows=demand,
         command=still if command is None else np.asarray(command, dtype=float),
+        rudder_rows=np.zeros(len(demand)),
         segments=segments or [(0, len(demand))],
     )
 
@@ -107,12 +112,29 @@ def test_crumbs_are_not_fitted() -> None:
 
 def test_bands_reach_four_fifths_of_nyquist_s_frequency() -> None:
     balances: Any = SimpleNamespace(
-        replay=SimpleNamespace(interval_s=0.2), names=["engine", "propeller", "hull"]
+        replay=SimpleNamespace(interval_s=0.2, ship=SimpleNamespace(turns=False)),
+        names=["engine", "propeller", "hull"],
     )
     found = bands_of(balances, [(0, 1000)])
     assert found.frequency_Hz[-1] == pytest.approx(2.0)
     assert found.edges[1] == 9  # three times the balances
     assert (found.starts, found.ends) == ((0,), (1000,))
+
+
+def test_bands_of_a_ship_that_turns_hold_more_than_her_many_numbers_explain() -> None:
+    """Nine frequencies of three balances are explained perfectly by 14 numbers of her file."""
+    balances = Balances(JointReplay(quick_tanker(), swinging(quick_tanker(), seconds=120.0)))
+    free = len(list(tolerance_moves(balances.replay)))
+    assert free >= 14
+    assert bands_of(balances, [(0, 600)]).edges[1] == free + 4
+
+
+def test_a_rudder_that_moves_in_a_quarter_is_not_set_aside_with_it() -> None:
+    still: Any = replay(np.ones(400))
+    still.rudder_rows = np.where(np.arange(400) < 300, 0.0, 0.4 * np.sin(np.arange(400)))
+    train, held = set_aside(still, 0)[0]
+    assert held == [(300, 400)]  # the quarter that covers the rudder's range best
+    assert sum(b - a for a, b in train) == 300
 
 
 def test_the_part_set_aside_is_judged_alone() -> None:

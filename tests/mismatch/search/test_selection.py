@@ -34,8 +34,9 @@ class Scores:
         self.worth.setdefault(frozenset(), 0.0)
         self.refining = refining
         self.trial_ship = SimpleNamespace(
-            trials=self._trials, smallest=self._smallest, record=lambda effects: effects, nominal=()
-        )
+            trials=self._trials, smallest=self._smallest, record=lambda effects: effects, nominal=(),
+            ship=SimpleNamespace(turns=False),
+        )  # fmt: skip
         self.null = self.fitted(())
         self.refined_labels: list[str] = []
         self.jointly: list[tuple[str, ...]] = []

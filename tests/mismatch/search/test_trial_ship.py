@@ -12,10 +12,13 @@ import pytest
 from shaftline.mismatch import catalogue
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.trial_ship import TrialShip, scales
+from shaftline.mismatch.simulate.balances import Balances
+from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship
 from shaftline.plant.memory import HISTORY
 
 from ..toy import FRICTION, SPEED, Toy, entry, white
+from ..turning import quick_tanker, swinging
 
 ENGINE_FRICTION = entry("coulomb-friction (engine)")
 EPISODE = entry("resistance-episode (hull)")
@@ -164,6 +167,9 @@ def test_scales_are_those_of_the_nominal_voyage(toy: Any) -> None:
     )
     used = {p.of for effect in catalogue() for p in effect.parameters}
     used |= {of for e in catalogue() for _, of in e.fixed if isinstance(of, str) and "." not in of}
+    used = {
+        of for of in used if "." not in of and not of.startswith("side_force/")
+    }  # of one that turns
     outside = {name for name in used if name.startswith("force/")}
     assert outside == {
         "force/head_wind/head_wind",
@@ -216,3 +222,21 @@ def test_a_delay_is_no_shorter_than_the_recording_tells(monkeypatch: pytest.Monk
     toy.quantisation = {"pitch_ratio": 0.03}
     assert TrialShip(toy).least(play) == TrialShip(toy).resolution(play) == 0.03
     assert min(TrialShip(toy).probes(play)) >= 0.03
+
+
+def test_scales_of_a_ship_that_turns_are_those_of_her_turning() -> None:
+    balances = Balances(JointReplay(quick_tanker(), swinging(quick_tanker(), seconds=60.0)))
+    found, samples = scales(balances), balances.nominal_samples
+    across = 3515.2 * rms_of(samples["ship_speed"] * samples["yaw_rate"])
+    sway, yaw = rms_of(samples["sway_speed"]), rms_of(samples["yaw_rate"])
+    assert found["side_force/sway_speed/sway_speed"] == pytest.approx(across / sway**2)
+    drag = rms_of(samples["resistance"])
+    assert found["force/sway_speed/yaw_rate"] == pytest.approx(drag / (sway * yaw))
+    trial_ship = TrialShip(balances)
+    damping = next(e for e in catalogue() if e.id == "yaw-damping").parameters[0]
+    shares = np.array([-0.5, -0.2, -0.05, 0.05, 0.2, 0.5])
+    assert trial_ship.probes(damping) == pytest.approx(-0.049 + 0.049 * shares)
+
+
+def rms_of(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

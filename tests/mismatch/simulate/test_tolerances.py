@@ -18,6 +18,7 @@ from shaftline.mismatch.simulate.tolerances import tolerance_moves, tolerance_re
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.tolerances import Tolerances
 
+from ..turning import quick_tanker, swinging
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
 FOULING = Placed(next(e for e in catalogue() if e.id == "hull-fouling"), (0.04,))
@@ -193,7 +194,10 @@ def used_in(ship: Ship, table: pd.DataFrame) -> set[str]:
 
 def test_every_tolerance_of_a_part_that_acts_is_used(draggy: pd.DataFrame) -> None:
     motor = {"tolerances.motor_constant", "tolerances.armature_resistance"}
-    assert used_in(load_ship("frigate"), draggy) == set(NUMBERS) - motor
+    turning = {"tolerances.hull_derivatives", "tolerances.rudder_force"}
+    assert used_in(load_ship("frigate"), draggy) == set(NUMBERS) - motor - turning
+    tanker = quick_tanker()
+    assert turning < used_in(tanker, swinging(tanker, seconds=60.0))
     shaft = {"tolerances.inertia", "tolerances.torque_curve"}
     assert used_in(bench_tug(), tug_run()) == motor | shaft
 
