@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .actions import encode_all
 from .controller import OBSERVED, Controller, readings, resumed
-from .helmsman import STEERED, Course, Helmsman
+from .helmsman import STEERED, Course, ShapedHelmsman
 
 OBSERVED_STEERED = (*OBSERVED, *STEERED)
 """Signals of an observation of the steering environment, in order."""
@@ -37,7 +37,7 @@ class SteeringController:
         ValueError: ships or intervals differ.
     """
 
-    def __init__(self, propulsion: Controller, helmsman: Helmsman) -> None:
+    def __init__(self, propulsion: Controller, helmsman: ShapedHelmsman) -> None:
         if propulsion.ship != helmsman.ship or propulsion.interval_s != helmsman.interval_s:
             raise ValueError(
                 f"propulsion is made for {propulsion.ship.name} every {propulsion.interval_s:g} s, the "

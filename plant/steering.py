@@ -7,6 +7,7 @@ from typing import NamedTuple
 import control
 import numpy as np
 
+from .helm import refuse_to_steer
 from .linear import linearise
 from .ship import Ship
 from .ship_errors import ShipError
@@ -42,9 +43,7 @@ def steered(ship: Ship, point: Equilibrium) -> control.StateSpace:
     Raises:
         ShipError: a ship that does not turn, or has no rudder.
     """
-    if not ship.turns or ship.rudder.area_m2 == 0.0:
-        lacking = "rudder.area_m2" if ship.turns else "manoeuvring.length_m"
-        raise ShipError(f"{ship.name} cannot be steered: it has no {lacking}")
+    refuse_to_steer(ship)
     prompt = ship.with_values({"rudder.time_constant_s": 0.0, "rudder.rate_limit_rad_s": np.inf})
     whole = linearise(prompt, point, outputs=("sway_speed", "yaw_rate"))
     kept = [whole.state_labels.index(name) for name in ("sway_speed", "yaw_rate")]

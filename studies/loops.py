@@ -29,14 +29,14 @@ STEERED = (("ddg-51-surrogate", 11.318), ("esso-osaka", 3.6))
 TITLE = "Margins of the loops"
 
 WHY = """\
-Each loop is opened at the command named, with the other commands under control, at a control interval of
-0.5 s; what the holding of the command costs is in the numbers. The combinator's loop at the rack is
-its governor's. `dead time` is what takes the phase margin away. Small signals only: rate limits, end stops and dead bands are left
-out. So is the pilot's integral that waits while the error exceeds 0.5 m/s: the overshoots here are
-those of smaller steps.
+Each loop is opened at the command named, with the other commands under control, at a control interval
+of 0.5 s; what the holding of the command costs is in the numbers. The combinator's loop at the rack is
+its governor's. `dead time` is what takes the phase margin away. Small signals only: rate limits, end
+stops and dead bands are left out. So is the pilot's integral that waits while the error exceeds 0.5
+m/s: the overshoots here are those of smaller steps.
 
-Not here: `anti-spin` and `no-anti-spin`, whose memories hold more than numbers (they switch).
-The benchmark tanker `kvlcc2` has no loop of this kind: she does not hold her course, so that C = L / P
+Not here: `anti-spin` and `no-anti-spin`, whose memories hold more than numbers (they switch). The
+benchmark tanker `kvlcc2` has no loop of this kind: she does not hold her course, so that C = L / P
 would cancel an unstable pole; the command says so."""
 
 

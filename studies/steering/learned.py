@@ -22,19 +22,19 @@ TITLE = "Helmsmen, tuned and under a policy"
 SEEDS, INTERVALS, EPISODES, ROUNDS = 5, 600_000, 64, 25
 
 ABOUT = f"""\
-Held-out seas, currents and side forces, which neither the search nor a training draws; {EPISODES} episodes,
-the same for all. `as printed`: Taylor's law with his turns and track changes. `tuned`: its gain, integral
-and turns by CMA-ES ({ROUNDS} rounds) on the task's own seas. `policy`: {SEEDS} trainings by PPO of a linear
-map from seven readings to a correction of the tuned helmsman's rudder of at most
-{math.degrees(REACH):g} degrees, {INTERVALS:,} control intervals each; intervals over trainings and episodes
-together. Pitch and rack stay with the speed pilot.
+Held-out seas, currents and side forces, which neither the search nor a training draws; {EPISODES}
+episodes, the same for all. `as printed`: Taylor's law with his turns and track changes. `tuned`: its
+gain, integral and turns by CMA-ES ({ROUNDS} rounds) on the task's own seas. `policy`: {SEEDS}
+trainings by PPO of a linear map from seven readings to a correction of the tuned helmsman's rudder of
+at most {math.degrees(REACH):g} degrees, {INTERVALS:,} control intervals each; intervals over trainings
+and episodes together. Pitch and rack stay with the speed pilot.
 
-What is published is the reward that was trained. The trap: against the helmsman as printed the policy would have
-looked {{flattered}} better; nearly all of that is the search's."""
+What is published is the reward that was trained. The trap: against the helmsman as printed the policy
+would have looked {{flattered}} better; nearly all of that is the search's."""
 
 
 def measured() -> tuple[pd.DataFrame, dict[str, str], str]:
-    """A row a task and controller; the tuned helmsmen; and what comparing with the printed would claim."""
+    """A row a task and controller; the tuned helmsmen; what comparing with the print would claim."""
     rows, found, claims = [], {}, []
     for task, name in TASKS.items():
         ship = SteeringVectorEnv(1, task=task).batch.ship
