@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 from ..core.files import write_text
 from ..display.tables import markdown
-from ..envs import FrigateEnv, FrigateVectorEnv
+from ..envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
 from ..observers import get_observer
 from ..observers.base import ESTIMATE, OBSERVER
 from ..plant import equilibrium, get_sea, load_ship, realise
@@ -47,14 +47,18 @@ def best_rate(work: Callable[[], object], count: int, repeats: int = REPEATS) ->
 
 
 class Benchmark:
-    """A batch of frigates at the load cases' working point."""
+    """A batch of frigates at the load cases' working point; one that turns is in a turn."""
 
-    def __init__(self, ships: int, sea: str | None, observer: str | None = None) -> None:
-        frigate = load_ship("frigate")
+    def __init__(
+        self, ships: int, sea: str | None, observer: str | None = None, vessel: str = "frigate"
+    ) -> None:
+        frigate = load_ship(vessel)
         self.dt = frigate.time_step_s
         self.plants = np.full(ships, frigate.record(), PLANT)
         self.states = np.zeros(ships, STATE)
         self.states[:] = tuple(equilibrium(frigate, 22.0, 1.4).state)
+        if frigate.turns:
+            self.states["sway_speed"], self.states["yaw_rate"] = -0.5, 0.01
         self.memories = np.zeros(ships, MEMORY)
         self.seas = np.zeros(ships, SEA)
         waves = get_sea(sea) if sea else None
@@ -110,9 +114,8 @@ def _cart_pole_rate() -> float:
 
 def _environment_rate(n: int) -> float:
     """Control intervals per second, with waves, sensor noise and the default observer."""
-    rng = np.random.default_rng(0)
-    actions = rng.uniform(-0.2, 0.6, (n, 2)).astype(np.float32)
     if n == 1:
+        actions = np.random.default_rng(0).uniform(-0.2, 0.6, (1, 2)).astype(np.float32)
         single = FrigateEnv()
         single.reset(seed=0)
 
@@ -123,9 +126,15 @@ def _environment_rate(n: int) -> float:
                     single.reset()
 
         return best_rate(one, 500)
-    many = FrigateVectorEnv(n)
+    return _vector_rate(FrigateVectorEnv(n))
+
+
+def _vector_rate(many: FrigateVectorEnv) -> float:
+    """Control intervals per second of a vector environment."""
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-0.2, 0.6, (many.num_envs, many.batch.actions)).astype(np.float32)
     many.reset(seed=0)
-    rate = best_rate(lambda: many.step(actions), n, 60)
+    rate = best_rate(lambda: many.step(actions), many.num_envs, 60)
     many.close()
     return rate
 
@@ -150,12 +159,19 @@ def measure() -> list[tuple[str, float]]:
         for size, kind in ((BATCH, f"batch of {BATCH}"), (1, "one ship")):
             benchmark = Benchmark(size, sea, observer)
             rows.append((f"plant, {label}, {kind}", best_rate(benchmark.run, size * STEPS)))
+    for vessel in ("frigate-at-sea", "frigate-turning"):
+        benchmark = Benchmark(BATCH, None, vessel=vessel)
+        label = f"plant of {vessel}, calm water, batch of {BATCH}"
+        rows.append((label, best_rate(benchmark.run, BATCH * STEPS)))
     alone = Benchmark(1, None)
     rows.append(("plant, calm water, one step a call", best_rate(lambda: alone.run(1), 1, 2000)))
     rows.append(("solve_ivp on the same equations, calm water", _solve_ivp_rate(None)))
     rows.append(("solve_ivp on the same equations, waves", _solve_ivp_rate("thesis")))
     rows.append(("environment Frigate-v0, one, a step is 10 plant steps", _environment_rate(1)))
     rows.append((f"environment Frigate-v0, {MANY} on all cores", _environment_rate(MANY)))
+    for kind, task in ((FrigateVectorEnv, "rough-sea"), (SteeringVectorEnv, "course-keeping")):
+        label = f"environment {kind.__name__[:-9]}-v0, {task}, {MANY} on all cores"
+        rows.append((label, _vector_rate(kind(MANY, task=task))))
     rows.append((f"Gymnasium CartPole-v1, {MANY} in its vector form", _cart_pole_vector_rate()))
     rows.append(("Gymnasium CartPole-v1, one environment", _cart_pole_rate()))
     return rows
