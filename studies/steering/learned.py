@@ -29,8 +29,10 @@ trainings by PPO of a linear map from seven readings to a correction of the tune
 at most {math.degrees(REACH):g} degrees, {INTERVALS:,} control intervals each; intervals over trainings
 and episodes together. Pitch and rack stay with the speed pilot.
 
-What is published is the reward that was trained. The trap: against the helmsman as printed the policy
-would have looked {{flattered}} better; nearly all of that is the search's."""
+What is published is the reward that was trained. The trap: held against the helmsman as printed the
+policy looks {{flattered}} better, all of which the search has found before it. What it adds to the
+tuned helmsman is in the table. No bound is known here: a plan that knows the waves steers no rudder
+yet."""
 
 
 def measured() -> tuple[pd.DataFrame, dict[str, str], str]:

@@ -218,7 +218,7 @@ def trained(task: str, base: str, seed: int, intervals: int, environments: int =
     # the critic learns rewards of the order of 1
     scaled = VecNormalize(VecMonitor(venv), norm_obs=False, gamma=_GAMMA)
     model = PPO(
-        "MlpPolicy", scaled, seed=seed, n_steps=128, batch_size=4096, n_epochs=8, gamma=_GAMMA,
+        "MlpPolicy", scaled, seed=seed, n_steps=128, batch_size=min(4096, 128 * environments), n_epochs=8, gamma=_GAMMA,
         gae_lambda=0.95, learning_rate=1e-3, ent_coef=0.0, max_grad_norm=0.5, device="cpu",
         policy_kwargs={"net_arch": {"pi": [], "vf": [64, 64]}, "log_std_init": -1.5},
     )  # fmt: skip

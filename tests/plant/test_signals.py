@@ -19,6 +19,7 @@ BOUNDS = {
     "pitch_ratio_command": (-1.6, 1.6), "true_pitch_ratio": (-2.1, 2.1), "pitch_ratio": (-2.6, 2.6),
     "rudder_command_rad": (-1.6, 1.6), "rudder_rad": (-1.6, 1.6), "yaw_rate_rad_s": (-10, 10),
     "heading_rad": (-math.inf, math.inf), "cross_track_m": (-math.inf, math.inf),
+    "heading_order_rad": (-math.inf, math.inf), "cross_track_order_m": (-math.inf, math.inf),
 }  # fmt: skip
 """Beyond what any ship reaches; all speeds of ship and water are within 40 m/s, torques 1e8 N m."""
 
