@@ -25,6 +25,8 @@ class Table(StrEnum):
     LEVERS = "levers"
     TITO_NERI = "tito-neri"
     AUGMENTED_FILTER = "augmented-filter"
+    ESSO_OSAKA = "esso-osaka"
+    DESTROYER = "destroyer"
     AUTOPILOT = "autopilot"
     TRACK = "track"
     ALL = "all"
@@ -46,8 +48,9 @@ def reproduce(
     4-2; `sensitivity`: 5-1. `storms`: Table 1 of Pivano et al. 2008, anti-spin, beside storms.
     `levers`: Tables 1 to 3 of the CPP optimiser paper. `tito-neri`: Table 5 of Vrijdag & Martelli
     2021, a drive train's numbers from its steady states and frequency response. `augmented-filter`:
-    Taylor's thesis (MIT 2000), chapter 2 and appendix A, and the same filter on the frigate;
-    `autopilot` and `track`: its sections 5.2 and 5.3, loops and voyages. Where a number differs, a
+    Taylor's thesis (MIT 2000), appendix A, and the same filter on the frigate; `esso-osaka` and
+    `destroyer`: its sections 2.3 and 4.2, steering told from a zig-zag; `autopilot` and `track`: its
+    sections 5.2 and 5.3, loops and voyages. Where a number differs, a
     sentence says why.
     """
     names = list(study.TABLES) if table is Table.ALL else [table.value]

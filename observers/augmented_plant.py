@@ -79,9 +79,7 @@ class Course(NamedTuple):
 
 
 @compiled
-def _reading(
-    plant: Record, state: State, outputs: Outputs, helm: float, channel: int
-) -> Real:
+def _reading(plant: Record, state: State, outputs: Outputs, helm: float, channel: int) -> Real:
     """What an instrument reads at one instant, with a rudder command [rad]."""
     if channel == _PITCH:
         return pitch_read(plant, outputs.pitch_ratio)
@@ -179,6 +177,26 @@ def _slopes_of_readings(model: Model, inputs: Inputs, memory: Record, h: Floats)
         _move_along(model, i, 0.0)
 
 
+@compiled
+def _keep_within(model: Model, z: Floats, p: Floats) -> None:
+    """Bring numbers that have left their range back to its end, and all else along with them.
+
+    As far as the covariance says that it goes with them: the likeliest estimate at that end (Simon &
+    Chia 2002, IEEE Trans. Aerospace and Electronic Systems 38(1)). Moved alone, a number would
+    contradict the readings that the others were made to fit.
+    """
+    first = len(model.slots) + 1
+    for i in range(len(model.low)):
+        at = first + i
+        short = min(max(z[at], model.low[i]), model.high[i]) - z[at]
+        if short != 0.0 and p[at, at] > 0.0:
+            share = short / p[at, at]
+            for j in range(len(z)):
+                z[j] += 0.0 * share
+    for i in range(len(model.low)):
+        z[first + i] = min(max(z[first + i], model.low[i]), model.high[i])
+
+
 @compiled_apart
 def _take_in(
     model: Model, z: Floats, p: Floats, inputs: Inputs, memory: Record, h: Floats,
@@ -202,9 +220,7 @@ def _take_in(
             total = correct(z, p, h[c], innovation, model.noise[c], row)
             innovations[c] = innovation / np.sqrt(total)
             likelihood -= np.log(2.0 * np.pi * total) + innovation * innovation / total
-    first = len(model.slots) + 1
-    for i in range(len(model.low)):
-        z[first + i] = min(max(z[first + i], model.low[i]), model.high[i])
+    _keep_within(model, z, p)
     _put(model, z)
     return likelihood
 

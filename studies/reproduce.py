@@ -14,9 +14,9 @@ from ..display.tables import markdown, write_table
 from ..observers import follow, get_observer, readings_of
 from ..observers.metrics import variance_accounted_for
 from ..plant import linearise, load_ship
+from .augmented_filter import destroyer, destroyer_page, esso_osaka, esso_osaka_page
 from .augmented_filter import page as filter_page
 from .augmented_filter import results as filter_results
-from .augmented_filter.esso_osaka import COEFFICIENTS
 from .ferry import levers
 from .ferry.lever_tables import against_combinator
 from .side_by_side import reasons_text, side_by_side
@@ -240,29 +240,27 @@ def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
 
 
 def reproduce_augmented_filter(folder: Path, tick: Tick) -> Reproduced:
-    """Falling body and Esso Osaka of Taylor 2000, and the same filter on the frigate."""
+    """Falling body of Taylor 2000, and the same filter on the frigate."""
     found = filter_results.measured(tick)
-    name, twins = "augmented-filter", found.twins
-    write_table(
-        folder,
-        name,
-        filter_page.TITLE,
-        f"shaftline reproduce {name}",
-        twins,
-        filter_page.body(found),
-    )
+    name, body = "augmented-filter", filter_page.body(found)
+    write_table(folder, name, filter_page.TITLE, f"shaftline reproduce {name}", found.falls, body)
     figures.save(filter_page.figure(found), folder / "figures" / f"{name}.png")
-    numbers = {
-        f"R {row['R']:g}, noise {row['noise']:g}, {row['minutes']:g} min": row[
-            [*COEFFICIENTS, "median error", "worst error"]
-        ].to_dict()
-        for _, row in twins.iterrows()
-    }
+    numbers: dict[str, dict[str, float]] = {}
     for row in found.falls.to_dict("records"):
         of = numbers.setdefault(f"falling body, beta {row['beta']:g}, {row['readings']}", {})
         of[str(row["quantity"])] = float(row["median"])
-    shown = twins.assign(R=[f"{r:g}" for r in twins["R"]], noise=[f"{n:g}" for n in twins["noise"]])
+    shown = filter_page.story_table(found)
     return Reproduced(filter_page.TITLE, shown, filter_page.WHY, numbers)
+
+
+def reproduce_esso_osaka(folder: Path, tick: Tick) -> Reproduced:
+    """Section 2.3 of Taylor 2000, Figures 2-3 to 2-7."""
+    return _page("esso-osaka", esso_osaka_page.TITLE, esso_osaka_page.page(tick), folder)
+
+
+def reproduce_destroyer(folder: Path, tick: Tick) -> Reproduced:
+    """Sections 4.2 and 4.3 of Taylor 2000, Table 4.1, Figures 4-4 to 4-11."""
+    return _page("destroyer", destroyer_page.TITLE, destroyer_page.page(tick), folder)
 
 
 def _page(name: str, title: str, page: steering_page.Page, folder: Path) -> Reproduced:
@@ -299,6 +297,8 @@ TABLES: dict[str, tuple[Callable[[Path, Tick], Reproduced], int]] = {
     "levers": (reproduce_levers, levers.TICKS),
     "tito-neri": (reproduce_tito_neri, identification_page.TICKS),
     "augmented-filter": (reproduce_augmented_filter, filter_results.TICKS),
+    "esso-osaka": (reproduce_esso_osaka, esso_osaka.TICKS),
+    "destroyer": (reproduce_destroyer, destroyer.TICKS),
     "autopilot": (reproduce_autopilot, steering_results.AUTOPILOT_TICKS),
     "track": (reproduce_track, steering_results.TRACK_TICKS),
 }

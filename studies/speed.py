@@ -169,9 +169,11 @@ def measure() -> list[tuple[str, float]]:
     rows.append(("solve_ivp on the same equations, waves", _solve_ivp_rate("thesis")))
     rows.append(("environment Frigate-v0, one, a step is 10 plant steps", _environment_rate(1)))
     rows.append((f"environment Frigate-v0, {MANY} on all cores", _environment_rate(MANY)))
-    for kind, task in ((FrigateVectorEnv, "rough-sea"), (SteeringVectorEnv, "course-keeping")):
-        label = f"environment {kind.__name__[:-9]}-v0, {task}, {MANY} on all cores"
-        rows.append((label, _vector_rate(kind(MANY, task=task))))
+    for name, many in (
+        ("Frigate-v0, rough-sea", FrigateVectorEnv(MANY, task="rough-sea")),
+        ("Steering-v0, course-keeping", SteeringVectorEnv(MANY, task="course-keeping")),
+    ):
+        rows.append((f"environment {name}, {MANY} on all cores", _vector_rate(many)))
     rows.append((f"Gymnasium CartPole-v1, {MANY} in its vector form", _cart_pole_vector_rate()))
     rows.append(("Gymnasium CartPole-v1, one environment", _cart_pole_rate()))
     return rows

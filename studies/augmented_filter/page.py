@@ -8,15 +8,14 @@ from matplotlib.figure import Figure
 
 from ...display.figures import PALETTE, TRUTH, new_figure
 from ...display.tables import markdown
-from . import esso_osaka, frigate
+from . import frigate
 from .falling_body import BELIEVED_BETA, STORY
 from .results import Results
 
-TITLE = "Augmented Kalman filter: numbers found while a body falls, a tanker turns, a frigate fouls"
+TITLE = "Augmented Kalman filter: numbers found while a body falls and a frigate fouls"
 
 
 WHY = """\
-- "Exact in about 3 minutes" asks for R = 1e-8; at the printed 0.01 the noise is larger than the sway.
 - The falling body's story holds with exact readings, and for the middle one of noisy seeds."""
 
 
@@ -79,11 +78,12 @@ def followed_table(results: Results) -> pd.DataFrame:
 
 
 FILTER = """\
-One filter (`shaftline.observers.AugmentedFilter`), three models: unknown numbers are states that do
-not change, estimated with the others; derivatives by complex steps; covariance by Phi P Phi' + Q dt,
-corrections in Joseph's form (Taylor 2000, chapter 2).
+Unknown numbers are states that do not change, estimated with the others; derivatives by complex steps;
+covariance by Phi P Phi' + Q dt, corrections in Joseph's form (Taylor 2000, chapter 2): for any model
+(`shaftline.observers.AugmentedFilter`) and for a ship with her whole plant (`.ShipFilter`). Steering is
+told by it in [Esso Osaka](esso-osaka.md) and [a destroyer](destroyer.md).
 
-![Four estimates over time](figures/augmented-filter.png)"""
+![Three estimates over time](figures/augmented-filter.png)"""
 
 BODY = f"""\
 ## A falling body (appendix A; Gelb 1974, example 6.1-2)
@@ -96,20 +96,6 @@ AFTER_BODY = """\
 With exact readings all of it holds. With the noise that the filter believes in, the middle one of the
 seeds keeps all limits but one: beta begins to move a little above 65 000 ft, the more the oftener it
 is measured. Single seeds leave the limits."""
-
-TANKER = """\
-## The Esso Osaka's zig-zag (section 2.3, Table 2.3, Figures 2-3 to 2-7)
-
-10/10 zig-zag at 7 kn, a reading a second, filter and truth share the model; the filter begins at half
-the truth. Estimate over truth, median of the seeds; error: the worst of the four coefficients, of the
-median and of the worst seed."""
-
-AFTER_TANKER = """\
-The thesis says "exact" within about three minutes, and R = 0.01. Three minutes ask for R = 1e-8; at
-0.01 the noise would be larger than the largest sway, and the estimates wander. What the thesis does
-not print is assumed (added masses by Clarke's formulas, the rudder half a length behind midship, 7 kn,
-a rudder that follows at once), and its draught, which is the ship's depth, is replaced: see
-`studies/augmented_filter/esso_osaka.py`."""
 
 RECORDED = f"""\
 ## The frigate: two numbers from one recording
@@ -138,10 +124,6 @@ taken for fouling, which no standard deviation of its own can tell."""
 
 def body(results: Results) -> str:
     """The page below its title, in Markdown."""
-    twins = results.twins.assign(
-        R=results.twins["R"].map("{:g}".format), noise=results.twins["noise"].map("{:g}".format)
-    )
-    turns = ", ".join(f"{value:.2f} ({name})" for name, value in results.turns.items())
     velocity = "; ".join(
         f"{sea}: {own['augmented-kalman']:.3f} and {own['random-walk-kalman']:.3f} m/s"
         for sea, own in results.velocity.items()
@@ -152,8 +134,7 @@ def body(results: Results) -> str:
     )
     concealed = frigate.CONCEALED[frigate.FRICTION]
     parts = [
-        FILTER, BODY, markdown(story_table(results)), AFTER_BODY, TANKER, markdown(twins, 3),
-        AFTER_TANKER, f"Diameter of the 10 degree turn, in lengths: {turns}.", RECORDED,
+        FILTER, BODY, markdown(story_table(results)), AFTER_BODY, RECORDED,
         markdown(told_table(results)), AFTER_RECORDED, GROWN, markdown(followed_table(results), 4),
         AFTER_GROWN,
         "Its advance velocity beside the random-walk filter's on the same voyages, rms error: "
@@ -165,8 +146,8 @@ def body(results: Results) -> str:
 
 
 def figure(results: Results) -> Figure:
-    """Beta, the tanker's coefficients, and fouling calm and at sea."""
-    drawn, axes = new_figure(2, 2, (10.0, 7.0))
+    """Beta, and fouling calm and at sea."""
+    drawn, axes = new_figure(1, 3, (13.0, 4.0))
     axis = axes[0, 0]
     for colour, (beta, fall) in zip(PALETTE, results.fall.items(), strict=False):
         axis.plot(fall["time_s"], fall["beta"], color=colour, label=f"estimate, truth {beta:g}")
@@ -177,16 +158,7 @@ def figure(results: Results) -> Figure:
         axis.axhline(beta, color=TRUTH, linewidth=0.8, linestyle=":")
     axis.set(title="Falling body: beta [lb/ft2], 2 sd", xlabel="time [s]", ylim=(1200.0, 3800.0))
     axis.legend(fontsize=8)
-    axis = axes[0, 1]
-    label, voyage = next(iter(results.twin.items()))
-    for colour, name in zip(PALETTE, esso_osaka.COEFFICIENTS, strict=False):
-        axis.plot(voyage["time_s"] / 60.0, voyage[name], color=colour, label=name)
-    axis.set(
-        title=f"Esso Osaka: estimate over truth, {label}", xlabel="time [min]", xlim=(0.0, 6.0)
-    )
-    axis.set_ylim(0.3, 1.7)
-    axis.legend(fontsize=8)
-    for axis, (sea, own) in zip(axes[1], results.followed.items(), strict=True):
+    for axis, (sea, own) in zip(axes[0, 1:], results.followed.items(), strict=True):
         hours = own["time_s"] / 3600.0
         for colour, name in zip(PALETTE, ("observer", "filter"), strict=False):
             axis.plot(hours, own[name], color=colour, label=f"{name}, 2 sd")

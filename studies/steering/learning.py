@@ -31,6 +31,7 @@ TASKS = {"course-keeping": "autopilot", "track-keeping": "track-keeper"}
 REACH = math.radians(8.0)
 _TUNED_FROM, _JUDGED_FROM = 700_000, 900_000  # seeds of episodes, apart from those of training
 _GAMMA = 0.985  # an answer is judged over half a minute
+_STEPS = 128  # of each environment between two updates
 KPIS = ("heading_error_deg", "track_error_m", "rudder_rate_deg_s", "speed_error_m_s", "fuel_kg_s")
 FEATURES = (
     "heading order less heading", "rate of turn", "rudder angle", "track order less cross track",
@@ -218,7 +219,8 @@ def trained(task: str, base: str, seed: int, intervals: int, environments: int =
     # the critic learns rewards of the order of 1
     scaled = VecNormalize(VecMonitor(venv), norm_obs=False, gamma=_GAMMA)
     model = PPO(
-        "MlpPolicy", scaled, seed=seed, n_steps=128, batch_size=min(4096, 128 * environments), n_epochs=8, gamma=_GAMMA,
+        "MlpPolicy", scaled, seed=seed, n_steps=_STEPS,
+        batch_size=min(4096, _STEPS * environments), n_epochs=8, gamma=_GAMMA,
         gae_lambda=0.95, learning_rate=1e-3, ent_coef=0.0, max_grad_norm=0.5, device="cpu",
         policy_kwargs={"net_arch": {"pi": [], "vf": [64, 64]}, "log_std_init": -1.5},
     )  # fmt: skip

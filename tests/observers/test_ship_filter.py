@@ -288,11 +288,6 @@ def test_a_late_instrument_is_refused(changes: dict[str, float], why: str) -> No
         ShipFilter(ship, list(TRUTH), number_spread=SPREAD, noise=NOISE, state_spread=START)
 
 
-def test_a_speed_that_is_held_is_refused(held_frigate: Ship) -> None:
-    with pytest.raises(ObserverError, match="no drive whose speed is held"):
-        ShipFilter(held_frigate, list(TRUTH), number_spread=SPREAD, noise=NOISE, state_spread=START)
-
-
 def test_the_wake_is_not_told_where_the_inflow_is_measured() -> None:
     ship = load_ship("frigate")
     table = recording(ship, 30.0, NOISE).assign(inflow_velocity_m_s=7.0)

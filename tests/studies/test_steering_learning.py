@@ -70,6 +70,7 @@ def test_training_runs_from_where_the_helmsman_is() -> None:
     first = venv.reset()
     assert first.shape == (2, len(FEATURES))
     ended = 0
+    rows: Any
     for _ in range(12):
         rows, reward, done, infos = venv.step(np.zeros((2, 1), np.float32))
         ended += int(done.sum())
@@ -80,5 +81,5 @@ def test_training_runs_from_where_the_helmsman_is() -> None:
     assert np.isfinite(rows).all()
     assert np.isfinite(reward).all()
     policy = trained("course-keeping", "autopilot", 1, 2048, environments=8)
-    weights = policy.policy.policy.action_net.weight.detach().numpy()
+    weights: Any = policy.policy.policy.action_net.weight.detach().numpy()
     assert 0.0 < np.abs(weights).max() < 1.0  # it has begun at 0, and learned

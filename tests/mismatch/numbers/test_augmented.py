@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from shaftline.mismatch.numbers.augmented import ekf
@@ -13,7 +14,15 @@ from shaftline.mismatch.numbers.filter_noises import felt_at
 from shaftline.mismatch.numbers.pipeline import METHODS, Work
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.plant import get_sea, load_ship, realise
+from shaftline.plant import approach, get_sea, load_ship, realise, zig_zag
+from shaftline.plant.columns import (
+    HEADING,
+    RUDDER,
+    RUDDER_COMMAND,
+    SWAY_SPEED,
+    YAW_RATE,
+    drive_column,
+)
 
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
@@ -156,3 +165,46 @@ def test_the_method_takes_what_is_not_set_aside() -> None:
         calls.append(METHODS["ekf"].find(work, (FOULING,)))
     assert calls[0].values == calls[1].values
     assert calls[0].values[0] == pytest.approx(0.1, abs=3.5 * calls[0].standard_errors[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "helm", "every", "within"),
+    [
+        ("ddg-51-surrogate", 11.3, RUDDER, 10, (0.03, 0.04, 0.02, 0.02)),
+        ("esso-osaka", 3.6, RUDDER_COMMAND, 1, (0.01, 0.025, 0.01, 0.005)),
+    ],
+)
+def test_derivatives_of_a_hull_are_told_from_a_zig_zag(
+    name: str, speed: float, helm: str, every: int, within: tuple[float, ...]
+) -> None:
+    """With a shaft that is free or held, a rudder that was measured or commanded."""
+    ship = load_ship(name)
+    keys = tuple(f"manoeuvring.{k}" for k in ("Y_v", "Y_r", "N_v", "N_r"))
+    shares = np.array([1.2, 0.8, 0.9, 1.15])
+    truth = shares * [ship.number(key).value for key in keys]
+    own = ship.with_values(dict(zip(keys, map(float, truth), strict=True)))
+    point, ten = approach(own, speed), math.radians(10.0)
+    track = zig_zag(own, point, ten, ten, executes=8).track[::every].reset_index(drop=True)
+    rng = np.random.default_rng(1)
+
+    def read(values: pd.Series, rms: float) -> pd.Series:
+        return values + rms * rng.standard_normal(len(values))
+
+    columns = {"time_s": track["time_s"], helm: track["rudder_rad"]}
+    if ship.turns_freely:
+        columns["shaft_speed_rad_s"] = read(track["shaft_speed_rad_s"], 0.01)
+    columns[drive_column(ship)] = 0.0 * track["time_s"] + point.inputs.drive
+    ahead = track["speed_m_s"] * np.cos(track["drift_rad"])
+    across = -track["speed_m_s"] * np.sin(track["drift_rad"])
+    columns["ship_speed_m_s"] = read(ahead, 0.005 * speed)
+    columns[SWAY_SPEED] = read(across, 0.002 * speed)
+    columns[YAW_RATE] = read(track["yaw_rate_rad_s"], 2e-4)
+    columns[HEADING] = read(track["heading_rad"], 2e-3)
+    found = ekf(ship, [pd.DataFrame(columns)], keys, tolerance=0.0)
+    off = np.array(found.values) / truth - 1.0
+    assert np.all(np.abs(off) < within)
+    # 20 % wrong before; and as sure of it as the noise allows
+    errors = np.asarray(found.standard_errors) / np.abs(truth)
+    assert np.all(errors < within)
+    assert np.all(np.abs(off) < 4.0 * errors)
+    assert found.remarks == ()

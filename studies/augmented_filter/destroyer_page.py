@@ -1,0 +1,202 @@
+"""The page of the destroyer: :mod:`.destroyer` beside the thesis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
+from ...display.tables import markdown
+from ..steering.page import Page, Row, reasons, table
+from . import destroyer
+from .destroyer import HEADLINE, KEPT, LENGTHS, SEEDS, Results
+from .zig_zag import COEFFICIENTS
+
+TITLE = "DDG-51: a nonlinear ship identified by a linear model (Taylor 2000, sections 4.2 and 4.3)"
+
+CALLED = {
+    "a": "(a) Q = 0, FQ = 0",
+    "b": "(b) Q = 0, FQ = 0.01",
+    "c": "(c) Q = 0.05, FQ = 0.01",
+}
+
+INTRO = f"""\
+`ddg-51-surrogate` sails {LENGTHS:g} ship lengths of the 10/10 zig-zag at 22 knots. The filter
+(`shaftline.observers.ShipFilter`) believes in the same ship without
+{", ".join(destroyer.NONLINEAR)}, and begins at half of her four coefficients. It reads
+ship speed, sway, rate of turn and revolutions twice a second (the thesis prints no interval), and knows
+the rudder's angle. Three runs, as the thesis has them: (a) no noise that it believes in, (b) fake noise
+on the coefficients alone, (c) Table 4.1's Q = 0.05, FQ = 0.01; R = 0.01 in each. These are read as
+absolute densities per ship length and as a variance, without dimension. The coefficients are means over
+the last
+{100.0 * KEPT:.0f} % of a run, and the turn is the one that the linear ship sails with them. The table
+has medians of {SEEDS} seeds with noise of {HEADLINE:g} rms on each reading. The ship is a surrogate:
+the thesis's own plant is not in it."""
+
+RUNS_TEXT = """\
+## The three runs
+
+Coefficients over those of the plant, medians of the seeds; by how much the turn of the identified ship
+is tighter than the plant's, and the least and most of it among the seeds; seeds that found no ship that
+turns; rms errors of sway and yaw beside their own rms, without dimension."""
+
+
+INTERVALS_TEXT = """\
+## How often it is read
+
+The thesis prints no interval of its readings. Run (c) again, by the seconds between them:"""
+
+
+def _row(results: Results, run: str, noise: float) -> Any:
+    runs = results.runs
+    return runs[(runs["run"] == run) & (runs["noise"] == noise)].iloc[0]
+
+
+def _rows(results: Results) -> list[Row]:
+    c, noisier = _row(results, "c", HEADLINE), _row(results, "c", destroyer.NOISES[-1])
+    rare = results.intervals.iloc[-1]
+    turn, width = results.truth_turn, results.linear_turn.diameter
+    limit = 100.0 * (1.0 - width / turn.diameter)
+
+    return [
+        Row("turn_tighter_percent", "turn of the identified ship tighter than the plant's [%]",
+            float(c["tighter [%]"]), "about 15", 5.0, 25.0,
+            f"the true linear coefficients would turn {limit:.1f} % tighter, and on the zig-zag the "
+            "linear model takes part of the nonlinear damping for its own"),
+        Row("speed_loss_percent", "speed lost in the plant's turn [%]",
+            100.0 * (1.0 - turn.speed_ratio), "about 20", 15.0, 25.0,
+            "the surrogate's terms are chosen for it"),
+        Row("revolutions_loss_percent", "revolutions lost in it [%]",
+            100.0 * (1.0 - turn.shaft_speed_ratio), "about 10", 5.0, 15.0),
+        Row("sway_error_share_percent", "rms error of the sway over its rms [%]",
+            100.0 * float(c["sway_rms_error"] / c["sway_rms"]), "within the line's width", 0.0, 5.0),
+        Row("yaw_error_share_percent", "rms error of the yaw over its rms [%]",
+            100.0 * float(c["yaw_rms_error"] / c["yaw_rms"]), "within the line's width", 0.0, 5.0),
+        Row("turn_tighter_percent_without_noise_believed_in", "the same of run (a) [%]",
+            float(_row(results, "a", HEADLINE)["tighter [%]"]), "unstable", -math.inf, 0.0,
+            "which coefficients come out without any noise believed in hangs on the plant, and the "
+            "thesis's is another"),
+        Row("turn_tighter_percent_noisy",
+            f"the same of run (c) with noise of {destroyer.NOISES[-1]:g} [%]",
+            float(noisier["tighter [%]"]), "about 15", 5.0, 25.0,
+            "coefficients that may wander by FQ follow the noise of the readings, here until they are "
+            f"{max(float(noisier[name]) for name in COEFFICIENTS):.0f} times too large; the more the "
+            f"oftener it is read: one reading each {rare['interval_s']:g} s gives "
+            f"{rare['tighter [%]']:.1f} %"),
+    ]  # fmt: skip
+
+
+def page(tick: Callable[[], None]) -> Page:
+    """The page of the destroyer.
+
+    Args:
+        tick: called :data:`.destroyer.TICKS` times.
+    """
+    results = destroyer.measured(tick)
+    rows = _rows(results)
+    shown = _shown(results.runs)
+    body = "\n\n".join(
+        [
+            INTRO, markdown(table(rows)), "Where they differ, and what they rest on:", reasons(rows),
+            "![Coefficients, zig-zag and turns](figures/destroyer.png)", RUNS_TEXT,
+            markdown(shown),
+            "Run (b) tracks the readings as closely as (c), but its coefficients go up and down with "
+            "each swing of the zig-zag: they stand for what the linear model lacks. With noise of 0.003 "
+            "and more, (b) and (c) find ships that turn too widely, or none.",
+            INTERVALS_TEXT, markdown(_told(results.intervals)),
+            f"Diameter of the plant's turn: {results.truth_turn.diameter:.2f} lengths; of the linear "
+            f"ship with the true coefficients {results.linear_turn.diameter:.2f}.",
+        ]
+    )  # fmt: skip
+    numbers: dict[str, Any] = {row.key: row.ours for row in rows}
+    numbers["turn_diameter_lengths"] = results.truth_turn.diameter
+    numbers["runs"] = {
+        f"{row['run']}, noise {row['noise']:g}": {
+            str(key): float(value)
+            for key, value in row.drop(["run", "noise"]).items()
+            if math.isfinite(value)
+        }
+        for _, row in results.runs.iterrows()
+    }
+    return Page(rows, body, {"destroyer": _figure(results)}, numbers)
+
+
+def _told(runs: pd.DataFrame) -> pd.DataFrame:
+    """Runs as text; numbers over a thousand, of runs that were lost, in powers of ten."""
+
+    def told(value: Any) -> str:
+        if not isinstance(value, float):
+            return str(value)
+        if not math.isfinite(value):
+            return "–"
+        return f"{value:.1e}" if abs(value) > 1e3 else f"{value:.4g}"
+
+    return runs.astype(object).map(told)
+
+
+def _shown(runs: pd.DataFrame) -> pd.DataFrame:
+    """The runs as text, each rms error beside its signal's."""
+    shown = _told(runs.drop(columns=[c for c in runs if "_rms" in str(c)]))
+    for name in ("sway", "yaw"):
+        pairs = zip(runs[f"{name}_rms_error"], runs[f"{name}_rms"], strict=True)
+        shown[f"{name}: error, rms"] = [
+            f"{error:.2g}, {rms:.2g}" if math.isfinite(error) else "–" for error, rms in pairs
+        ]
+    return shown
+
+
+def _figure(results: Results) -> Figure:
+    """Coefficients over time of the three runs; sway and yaw, zig-zags, turns."""
+    truth = destroyer.voyage()
+    figure, axes = new_figure(2, 3, (13.0, 8.0))
+    figure.suptitle(
+        f"DDG-51's surrogate at 22 knots, identified by a linear model; noise {HEADLINE:g} rms",
+        fontsize=12,
+    )
+    way = truth.track["time_s"].to_numpy() / truth.length_s
+    for axis, (name, run) in zip(axes[0], results.drawn.items(), strict=True):
+        for colour, label, own in zip(PALETTE, COEFFICIENTS, run.ratios.T, strict=False):
+            axis.plot(way, own, color=colour, label=label, linewidth=1.0)
+        axis.axhline(1.0, color=TRUTH, linewidth=0.8, linestyle=":")
+        axis.axvline((1.0 - KEPT) * way[-1], color=THESIS, linewidth=0.8, linestyle="--")
+        axis.set(title=f"estimate over truth, {CALLED[name]}", xlabel="way at 22 knots [L]")
+        axis.set_ylim(0.0, 2.5)
+    axes[0, 0].legend(fontsize=8, frameon=False)
+    axis = axes[1, 0]
+    for state, label, factor, colour in (
+        ("sway_speed", "sway over U", 1.0 / truth.units["sway_speed"], PALETTE[0]),
+        ("yaw_rate", "yaw, r L / U", 1.0 / truth.units["yaw_rate"], PALETTE[1]),
+    ):
+        axis.plot(way, factor * truth.track[state], color=TRUTH, linewidth=1.6)
+        axis.plot(way, factor * results.drawn["c"].states[state], color=colour, linestyle="--",
+                  linewidth=1.0, label=f"{label}, estimated in (c)")  # fmt: skip
+    axis.set(title="sway and yaw tracked; the ship dark", xlabel="way at 22 knots [L]")
+    axis.set(xlim=(0.0, 25.0), ylim=(-0.33, 0.26))
+    axis.legend(fontsize=8, frameon=False, loc="lower left")
+    axis = axes[1, 1]
+    axis.plot(way, np.degrees(truth.track["heading"]), color=TRUTH, label="ship")
+    for colour, (name, track) in zip(PALETTE, results.zig_zags.items(), strict=False):
+        axis.plot(track["time_s"] / truth.length_s, np.degrees(track["heading_rad"]), color=colour,
+                  linestyle="--", linewidth=1.0, label=f"identified, ({name})")  # fmt: skip
+    axis.set(title="zig-zag: heading [deg]", xlabel="way at 22 knots [L]", xlim=(0.0, 25.0))
+    axis.set_ylim(-32.0, 21.0)
+    axis.legend(fontsize=8, frameon=False, loc="lower left", ncols=2)
+    axis, length = axes[1, 2], truth.ship.manoeuvring.length_m
+    turns = {"ship": results.truth_turn} | {
+        f"identified, ({n})": t for n, t in results.turns.items()
+    }
+    for colour, (name, turn) in zip((TRUTH, *PALETTE), turns.items(), strict=False):
+        axis.plot(
+            turn.track["cross_track_m"] / length, turn.track["position_m"] / length, color=colour,
+            linestyle="-" if name == "ship" else "--", linewidth=1.1, label=name,
+        )  # fmt: skip
+    axis.set(title="turn with 10 degrees of rudder", xlabel="to starboard [L]")
+    axis.set_ylabel("along the first course [L]")
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.legend(fontsize=8, frameon=False)
+    return figure
