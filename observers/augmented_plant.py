@@ -192,7 +192,7 @@ def _keep_within(model: Model, z: Floats, p: Floats) -> None:
         if short != 0.0 and p[at, at] > 0.0:
             share = short / p[at, at]
             for j in range(len(z)):
-                z[j] += 0.0 * share
+                z[j] += p[j, at] * share
     for i in range(len(model.low)):
         z[first + i] = min(max(z[first + i], model.low[i]), model.high[i])
 
