@@ -48,6 +48,7 @@ results: $(INSTALLED)
 	$(BIN)/shaftline manoeuvre --ship kvlcc2 --speed 1.18 --scale 45.7 --out out/kvlcc2
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
 	$(BIN)/python -m shaftline.studies.loops --out docs/results
+	$(BIN)/python -m shaftline.studies.errata --out docs/results
 	$(BIN)/python -m shaftline.studies.observer_ranking --out docs/results
 	$(BIN)/python -m shaftline.studies.observer_features --out docs/results
 	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png

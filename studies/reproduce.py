@@ -13,7 +13,7 @@ from ..display import figures
 from ..display.tables import markdown, write_table
 from ..observers import follow, get_observer, readings_of
 from ..observers.metrics import variance_accounted_for
-from ..plant import linearise, load_ship
+from ..plant import Ship, linearise, load_ship
 from .augmented_filter import destroyer, destroyer_page, esso_osaka, esso_osaka_page
 from .augmented_filter import page as filter_page
 from .augmented_filter import results as filter_results
@@ -25,6 +25,7 @@ from .steering import results as steering_results
 from .storms import page as storm_page
 from .storms import results as storm_results
 from .thesis import (
+    dead_beat,
     load_cases,
     poles,
     rounded_table,
@@ -79,12 +80,12 @@ def reproduce_working_points(folder: Path, tick: Tick) -> Reproduced:
 
 
 def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
-    """Tables 2-2 to 2-14, 3-5 and 3-9; Figure 2-5."""
+    """Tables 2-2 to 2-14, 3-5, 3-9 and 3-11 to 3-14; Figure 2-5."""
     plant, observers = poles.compared()
     frigate = load_ship("frigate")
     point, middle = verification.mid_range_point(frigate), verification.mid_range(frigate)
     tick()
-    title = "Poles, zeros and steady gains (Tables 2-2 to 2-14, 3-5, 3-9)"
+    title = "Poles, zeros and steady gains (Tables 2-2 to 2-14, 3-5, 3-9, 3-11 to 3-14)"
     shown = plant.drop(columns="why")
     whys = plant[plant["why"] != ""].groupby("why", sort=False)["table"]
     reasons = "\n".join(
@@ -93,8 +94,8 @@ def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
     body = (
         f"{markdown(shown, 4)}\n\nWhere gains differ by more than 2 %, and why:\n\n{reasons}\n\n"
         f"## Observers\n\n{markdown(observers)}\n\n"
-        "Tables 3-11 to 3-14 print poles of 1e-10 rad/s with gains of 1e16, numbers at the edge of "
-        "rounding, and are not reproduced.\n\n"
+        f"## The random-walk Kalman filter (Tables 3-11 to 3-14)\n\n{dead_beat.WHY}\n\n"
+        f"{_told_filter(frigate)}\n\n"
         "## The mid-range point (Tables 2-16 to 2-23)\n\n"
         f"The thesis does not print this point. Its two gains from the rack are met at X = "
         f"{point.inputs.drive:.2f} mm, P/D = {point.state.pitch_ratio:.3f} "
@@ -123,6 +124,12 @@ def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
         for r in plant.itertuples()
     }
     return Reproduced(title, shown, reasons, numbers)
+
+
+def _told_filter(frigate: Ship) -> str:
+    table = dead_beat.compared(frigate)
+    gains = {name: table[name].map("{:.3g}".format) for name in ("gain follows", "gain printed")}
+    return markdown(table.assign(**gains), 4)
 
 
 def reproduce_vaf(folder: Path, tick: Tick) -> Reproduced:

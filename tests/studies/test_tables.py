@@ -12,6 +12,7 @@ from shaftline.observers.metrics import variance_accounted_for, with_noise
 from shaftline.plant import load_ship
 from shaftline.studies.side_by_side import compare, published
 from shaftline.studies.thesis import (
+    dead_beat,
     poles,
     rounded_table,
     sensitivity,
@@ -139,3 +140,42 @@ def test_mid_range_point_predicts_what_it_was_not_fitted_to() -> None:
     for number in ("2-20", "2-21", "2-22", "2-23"):
         ours, thesis = (float(table.loc[number, c]) for c in ("gain", "gain, This thesis"))
         assert ours == pytest.approx(thesis, rel=0.06)
+
+
+def test_five_signs_of_the_sensitivity_are_misprints() -> None:
+    printed = published("advance_velocity_thesis_sensitivity")
+    slips = sensitivity.sign_slips(printed)
+    assert slips == [
+        ("luenberger-moderate", "open_water_minus_10pct"),
+        ("power-balance", "ear_1.0"),
+        ("immersion-invariance-moderate", "ear_0.6"),
+        ("immersion-invariance-high", "open_water_plus_10pct"),
+        ("random-walk-kalman", "ear_1.0"),
+    ]
+    for row, column in slips:
+        assert printed.loc[row, column] > 0.0  # all of them lack their minus
+        mended = printed.loc[row].iloc[1:7].astype(float)
+        mended[column] *= -1.0
+        assert mended.std() == pytest.approx(printed.loc[row, "sd"], abs=0.006)
+
+
+def test_the_random_walk_filter_s_tables_follow_from_a_dead_beat_predictor() -> None:
+    """Zeros to the printed digits but one sign, gains within their three digits."""
+    table = dead_beat.compared(load_ship("frigate"))
+    assert table["gain follows"].to_numpy() == pytest.approx(table["gain printed"], rel=5e-3)
+    zeros = table.dropna(subset="zero printed")
+    wrong = (zeros["zero follows"] - zeros["zero printed"]).abs() > 1e-3
+    assert zeros.loc[wrong, ["table", "point"]].to_numpy().tolist() == [["3-11", "C"]]
+    slip = zeros[wrong].iloc[0]
+    assert slip["zero follows"] == pytest.approx(-slip["zero printed"], abs=1e-3)
+    filter_ = dead_beat.predictor(-0.0659, 0.5139)
+    assert max(abs(pole) for pole in filter_.poles) < 1e-5
+    assert filter_.gain == pytest.approx((1.0 - 0.0659, 1.0 / 0.5139), rel=1e-4)
+
+
+def test_the_thesis_s_averages_are_those_of_its_seven_cases() -> None:
+    printed = published("advance_velocity_thesis_vaf")
+    cells = printed[vaf.COLUMNS].astype(float)
+    assert len(vaf.COLUMNS) == 7
+    assert cells.mean(axis=1).to_numpy() == pytest.approx(printed["average"], abs=0.011)
+    assert cells.std(axis=1).to_numpy() == pytest.approx(printed["sd"], abs=0.011)
