@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from .augmented_filter import page as filter_page
 from .augmented_filter import results as filter_results
 from .ferry import levers
 from .ferry.lever_tables import against_combinator
+from .reproduced import Reproduced, Tick
 from .side_by_side import reasons_text, side_by_side
 from .steering import page as steering_page
 from .steering import results as steering_results
@@ -37,18 +37,6 @@ from .thesis import (
 )
 from .thesis.load_cases import CASES
 from .tito_neri import identification_page
-
-Tick = Callable[[], None]
-
-
-@dataclass(frozen=True)
-class Reproduced:
-    """One reproduced table: to print, and the numbers by row and column for JSON."""
-
-    title: str
-    shown: pd.DataFrame
-    reasons: str
-    numbers: dict[str, Any]
 
 
 def _numbers(comparison: pd.DataFrame) -> dict[str, dict[str, float]]:
