@@ -10,7 +10,7 @@ import pytest
 
 from shaftline.mismatch.numbers.frequency import SPEED
 from shaftline.plant import load_ship
-from shaftline.studies.tito_neri import experiments, identification_page
+from shaftline.studies.tito_neri import experiments, histories, identification_page
 from shaftline.studies.tito_neri import identification as study
 
 
@@ -23,6 +23,18 @@ def test_table_five() -> None:
     assert first.drop("KQ0_over_eta_R").max() < 4.0
     assert first["KQ0_over_eta_R"] < 7.0
     assert table.loc[("I", "K_e"), "ours"] == pytest.approx(0.01421, abs=5e-6)
+
+
+def test_both_sets_in_time() -> None:
+    """The paper: set I within 3 % everywhere, IV good about C and worse away; its peak is higher."""
+    table, figure = histories.gathered()
+    by = table.set_index("set")
+    assert by.loc["I", "largest [%]"] < 3.0 < by.loc["IV", "largest [%]"] < 8.5
+    assert by.loc["I", "B [rpm]"] == pytest.approx(44.4, abs=0.5)
+    assert abs(by.loc["IV", "C [rpm]"]) < 5.0 < 80.0 < by.loc["IV", "A [rpm]"]
+    assert by.loc["I", "peak C to D [A]"] == pytest.approx(1.705, abs=0.005)
+    assert by.loc["IV", "peak C to D [A]"] == pytest.approx(1.948, abs=0.005)
+    assert len(figure.axes) == 6
 
 
 def test_rounding_of_table_four() -> None:
@@ -75,12 +87,14 @@ def test_page_and_figure_are_written(tmp_path: Path) -> None:
     found = identification_page.Findings(
         study.table_five(), study.rounding_of_column_one(5), identification_page.densities(), fits,
         best, study.five_numbers(), study.dead_time(), study.fitted_dead_time(), known,
+        *histories.gathered(),
     )  # fmt: skip
     identification_page.write(tmp_path, found)
     page = (tmp_path / "tito-neri-identification.md").read_text()
     assert "| IV | L_a | H |" in page
     assert "dead time of 1.5 ms" in page
-    assert (tmp_path / "figures" / "tito-neri-bode.png").stat().st_size > 20_000
+    for name in ("tito-neri-bode.png", "tito-neri-histories.png"):
+        assert (tmp_path / "figures" / name).stat().st_size > 20_000
 
 
 def test_experiments_are_the_paper_s() -> None:
