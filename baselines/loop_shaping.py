@@ -13,11 +13,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import compiled
+from ..core.lazy import control
 from ..plant.ship import Ship
 from ..plant.ship_errors import ShipError
 from ..plant.steady_state import Equilibrium

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.lazy import control
 from ..plant.approach import approach
 from ..plant.linear import linearise
 from ..plant.loops import Loop, broken_at

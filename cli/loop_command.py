@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import control
 import numpy as np
 import pandas as pd
 import typer
@@ -15,6 +14,7 @@ from ..baselines.controller import Controller
 from ..baselines.helmsman import ShapedHelmsman
 from ..baselines.loops import controller_loop, helmsman_loop, readable
 from ..core.files import write_json
+from ..core.lazy import control
 from ..display import figures
 from ..display.loops import loop_figure
 from ..plant import Ship, approach, load_ship

@@ -1,49 +1,87 @@
-"""The ``shaftline`` command: one sub-command per job."""
+"""The ``shaftline`` command: one sub-command per job, each in a file of its own.
+
+A sub-command's file is imported when it is called: together they take seconds, and ``--help``, a typing
+slip or the shell's completion need none of them.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+import ast
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
-from . import (
-    diagnose_command,
-    evaluate_command,
-    identify_command,
-    list_command,
-    loop_command,
-    manoeuvre_command,
-    new_ship_command,
-    prove_command,
-    reproduce_command,
-    simulate_command,
-    tour_command,
-    train_command,
-    tune_command,
-)
+COMMANDS = (
+    "tour", "new-ship", "simulate", "manoeuvre", "loop", "reproduce", "train", "tune", "evaluate",
+    "identify", "diagnose", "prove", "list",
+)  # fmt: skip
+"""In the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
+
+HERE = Path(__file__).parent
+NAMED_OTHERWISE = {"list": "list_names"}
+"""Functions whose command's name is taken in Python."""
+
+
+def _stem(name: str) -> str:
+    return name.replace("-", "_")
+
+
+def _function(name: str) -> str:
+    return NAMED_OTHERWISE.get(name, _stem(name))
+
+
+def first_words(name: str) -> str:
+    """First paragraph of a command's docstring, read without running its file.
+
+    Args:
+        name: of the command.
+    """
+    tree = ast.parse((HERE / f"{_stem(name)}_command.py").read_text(encoding="utf-8"))
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and node.name == _function(name):
+            return (ast.get_docstring(node) or "").split("\n\n")[0].replace("\n", " ")
+    raise LookupError(f"{name}: no function {_function(name)} in its file")
+
+
+class Later(TyperCommand):
+    """A command whose file is imported when it is called."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, help=first_words(name), rich_markup_mode="markdown")
+
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
+        """That of the command itself, which is thereby the one that runs."""
+        return self.itself().make_context(info_name, args, *rest, **extra)
+
+    def itself(self) -> Any:
+        """The command, imported."""
+        assert self.name is not None
+        module = import_module(f".{_stem(self.name)}_command", __package__)
+        alone = typer.Typer(rich_markup_mode="markdown", pretty_exceptions_enable=False)
+        alone.command(self.name)(getattr(module, _function(self.name)))
+        return typer.main.get_command(alone)
+
+
+class Commands(TyperGroup):
+    """The sub-commands, none of them imported."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.commands = {name: Later(name) for name in COMMANDS}
+
 
 app = typer.Typer(
     name="shaftline",
+    cls=Commands,
     help="A workbench for ship propulsion control.\n\n"
     "Start with `shaftline tour`. Every command explains itself with --help.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
 )
-app.command("tour")(tour_command.tour)
-app.command("new-ship")(new_ship_command.new_ship)
-app.command("simulate")(simulate_command.simulate)
-app.command("manoeuvre")(manoeuvre_command.manoeuvre)
-app.command("loop")(loop_command.loop)
-app.command("reproduce")(reproduce_command.reproduce)
-app.command("train")(train_command.train)
-app.command("tune")(tune_command.tune)
-app.command("evaluate")(evaluate_command.evaluate)
-app.command("identify")(identify_command.identify)
-app.command("diagnose")(diagnose_command.diagnose)
-app.command("prove")(prove_command.prove)
-app.command("list")(list_command.list_names)
 
 
 @app.callback(invoke_without_command=True)

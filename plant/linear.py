@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.lazy import control
 from .derivatives import STEP
 from .dynamics import evaluate
 from .ship import Ship

@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+
+from ..core.lazy import control
 
 _SETTLED = 0.02  # of the step
 _STEPS = 20_000  # of a step response at most

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import control
 import numpy as np
 
+from ..core.lazy import control
 from .helm import refuse_to_steer
 from .linear import linearise
 from .ship import Ship

@@ -11,10 +11,10 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-import control
 import pandas as pd
 
 from ..baselines.loop_shaping import COURSE_LOOP, TAYLOR, TAYLOR_GEAR, heading_plant, shaped
+from ..core.lazy import control
 from ..display.tables import markdown, write_table
 from ..plant import load_ship
 from ..plant.loops import Loop

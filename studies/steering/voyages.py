@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import control
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from ...baselines.autopilot import Autopilot
 from ...baselines.helmsman import Course, Helmsman
 from ...baselines.track_keeper import TrackKeeper
+from ...core.lazy import control
 from ...plant import (
     Equilibrium,
     Ship,

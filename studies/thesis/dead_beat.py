@@ -16,11 +16,11 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-import control
 import numpy as np
 import pandas as pd
 from scipy.linalg import solve_discrete_are
 
+from ...core.lazy import control
 from ...observers.torque_curve import torque_slopes
 from ...plant import Ship, equilibrium
 from ..side_by_side import published

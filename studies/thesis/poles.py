@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import control
 import numpy as np
 import pandas as pd
 
+from ...core.lazy import control
 from ...observers.immersion_invariance import ImmersionInvariance
 from ...observers.linear import shaft_model
 from ...observers.shaft_kalman import ShaftKalman

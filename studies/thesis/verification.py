@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import control
 import numpy as np
 import pandas as pd
 from scipy.optimize import root
 
+from ...core.lazy import control
 from ...plant import Equilibrium, Ship, equilibrium, linearise
 from ..side_by_side import published
 from .poles import reduced, sorted_numbers

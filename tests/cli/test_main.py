@@ -1,0 +1,46 @@
+"""The command begins without importing what it does not run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from shaftline.cli import main
+
+
+def test_help_needs_no_numerics() -> None:
+    code = (
+        "import sys\nfrom shaftline.cli import main\n"
+        "try:\n    main.app(['--help'])\nexcept SystemExit as end:\n    assert not end.code\n"
+        "print(sorted({'numpy', 'pandas', 'numba', 'scipy', 'control', 'torch'} & set(sys.modules)))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_door_of_the_plant_leaves_python_control_unread() -> None:
+    code = "import sys, shaftline.plant\nprint('control.statesp' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "False"
+
+
+def test_every_file_is_a_command() -> None:
+    files = {path.stem for path in main.HERE.glob("*_command.py")}
+    assert files == {name.replace("-", "_") + "_command" for name in main.COMMANDS}
+
+
+@pytest.mark.parametrize("name", main.COMMANDS)
+def test_the_list_says_what_the_command_says(name: str) -> None:
+    itself = main.Later(name).itself()
+    assert itself.name == name
+    assert main.first_words(name)
+    assert (itself.help or "").replace("\n", " ").startswith(main.first_words(name))
+
+
+def test_a_slip_is_answered_with_the_right_name() -> None:
+    result = CliRunner().invoke(main.app, ["diagnos"])
+    assert result.exit_code == 2
+    assert "diagnose" in result.output
