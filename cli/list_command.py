@@ -15,10 +15,10 @@ from ..envs import tasks
 from ..mismatch import catalogue
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
+from ..plant.seas import presets
 from ..plant.ship_files import ship_keys
 from ..plant.signals import CONTROL_SIGNALS, SIGNALS
 from ..plant.terms import NO_BOUND, TermParameter
-from ..plant.waves import presets
 from ..studies.thesis.load_cases import CASES
 from .console import clear_errors, console, print_table
 

@@ -6,6 +6,7 @@ from .loops import Loop
 from .manoeuvres import spiral, turning_circle, zig_zag
 from .recording import RecordingError, read_recording
 from .replay import simulate_recording
+from .seas import Sea, get_sea
 from .ship import Ship
 from .ship_errors import ShipError
 from .ship_files import load_ship, ship_names, write_ship
@@ -14,7 +15,7 @@ from .state import State
 from .steady_state import Equilibrium, equilibrium
 from .steering import Nomoto, nomoto
 from .voyage import Voyage
-from .waves import Sea, get_sea, realise
+from .waves import realise
 
 __all__ = [
     "Equilibrium",

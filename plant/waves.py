@@ -9,15 +9,11 @@ from that path is followed by the field's slope.
 
 from __future__ import annotations
 
-import functools
 import math
-import tomllib
-from importlib import resources
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
 from ..core.compiled import (
     Real,
@@ -29,6 +25,7 @@ from ..core.compiled import (
 )
 from ..core.numeric import sine_cosine
 from .kinematics import over_ground
+from .seas import Sea, jonswap
 from .state import State
 from .surroundings import GRAVITY
 
@@ -76,39 +73,6 @@ SEA = np.dtype(
 )
 
 
-class Sea(BaseModel):
-    """A JONSWAP sea.
-
-    ``heading_deg`` is the angle between the ship's first course and the direction in which the waves
-    travel: 180 is head seas, 0 following seas, 90 beam seas that go to starboard.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
-
-    hs_m: float = Field(ge=0.0, le=25.0, description="significant wave height [m]")
-    tp_s: float = Field(gt=1.0, le=30.0, description="peak period [s]")
-    gamma: float = Field(default=3.3, ge=1.0, le=10.0, description="peak enhancement [-]")
-    heading_deg: float = Field(
-        default=180.0, ge=-360.0, le=360.0, description="heading to the waves [deg]"
-    )
-
-
-def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
-    """JONSWAP spectral density S(omega) [m2 s/rad] with the given Hs (DNV-RP-C205, section 3.5.5).
-
-    Args:
-        frequency: omega [rad/s], positive, any shape.
-        sea: Hs, Tp and gamma.
-    """
-    peak = 2.0 * math.pi / sea.tp_s
-    ratio = frequency / peak
-    pierson_moskowitz = 5.0 / 16.0 * sea.hs_m**2 / peak * ratio**-5.0 * np.exp(-1.25 * ratio**-4.0)
-    width = np.where(ratio <= 1.0, 0.07, 0.09)
-    enhancement = sea.gamma ** np.exp(-0.5 * ((ratio - 1.0) / width) ** 2)
-    normalisation = 1.0 - 0.287 * math.log(sea.gamma)
-    return np.asarray(normalisation * pierson_moskowitz * enhancement)
-
-
 def calm() -> Any:
     """Sea record without waves."""
     return np.zeros(1, SEA)[0]
@@ -150,27 +114,6 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
     record["phase"] = rng.uniform(0.0, 2.0 * math.pi, COMPONENTS)
     _face(record, 0.0)
     return record
-
-
-@functools.cache
-def presets() -> dict[str, Sea]:
-    """Sea presets by name (``plant/seas.toml``)."""
-    text = resources.files("shaftline.plant").joinpath("seas.toml").read_text(encoding="utf-8")
-    return {name: Sea(**values) for name, values in tomllib.loads(text).items()}
-
-
-def get_sea(name: str) -> Sea | None:
-    """Sea preset by name; None for ``calm``.
-
-    Raises:
-        ValueError: unknown name; the message lists the known ones.
-    """
-    if name == "calm":
-        return None
-    if name not in presets():
-        known = ", ".join(["calm", *presets()])
-        raise ValueError(f"unknown sea {name!r}; known seas: {known}")
-    return presets()[name]
 
 
 class WaveMotion(NamedTuple):

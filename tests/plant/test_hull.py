@@ -13,7 +13,8 @@ from shaftline.plant.hull import (
     water_speed,
     wave_resistance,
 )
-from shaftline.plant.waves import Sea, motion, realise
+from shaftline.plant.seas import Sea
+from shaftline.plant.waves import motion, realise
 
 DRAG = 3306.2  # thesis Table B-1 [N s2/m2]
 

@@ -22,7 +22,8 @@ from shaftline.plant.columns import MEASURED as ANSWERS
 from shaftline.plant.columns import input_columns
 from shaftline.plant.recording import RecordingError
 from shaftline.plant.replay import Replay, simulate_recording
-from shaftline.plant.waves import Sea, field
+from shaftline.plant.seas import Sea
+from shaftline.plant.waves import field
 
 MEASURED = ["pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"]
 LAGS = {"prime_mover.lag_s": 1.5, "propeller.inflow_lag_s": 2.0}

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from shaftline.plant import Equilibrium, Schedule, Ship, realise, simulate
 from shaftline.plant.dynamics import evaluate
 from shaftline.plant.memory import MEMORY
+from shaftline.plant.seas import Sea
 from shaftline.plant.state import STATE, Inputs, State, get_state
 from shaftline.plant.stepping import (
     UNDISTURBED,
@@ -23,7 +24,7 @@ from shaftline.plant.stepping import (
     step,
 )
 from shaftline.plant.terms import Term, add_term
-from shaftline.plant.waves import SYNC_STEPS, Sea, calm, field
+from shaftline.plant.waves import SYNC_STEPS, calm, field
 
 DT = 0.05
 MASS = 1e9  # so that the speed is all but constant

@@ -1,0 +1,94 @@
+"""Seas by their spectra: JONSWAP, the presets of ``seas.toml``, and a user's own by its numbers."""
+
+from __future__ import annotations
+
+import functools
+import math
+import tomllib
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+
+class Sea(BaseModel):
+    """A JONSWAP sea.
+
+    ``heading_deg`` is the angle between the ship's first course and the direction in which the waves
+    travel: 180 is head seas, 0 following seas, 90 beam seas that go to starboard.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+    hs_m: float = Field(ge=0.0, le=25.0, description="significant wave height [m]")
+    tp_s: float = Field(gt=1.0, le=30.0, description="peak period [s]")
+    gamma: float = Field(default=3.3, ge=1.0, le=10.0, description="peak enhancement [-]")
+    heading_deg: float = Field(
+        default=180.0, ge=-360.0, le=360.0, description="heading to the waves [deg]"
+    )
+
+
+def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
+    """JONSWAP spectral density S(omega) [m2 s/rad] with the given Hs (DNV-RP-C205, section 3.5.5).
+
+    Args:
+        frequency: omega [rad/s], positive, any shape.
+        sea: Hs, Tp and gamma.
+    """
+    peak = 2.0 * math.pi / sea.tp_s
+    ratio = frequency / peak
+    pierson_moskowitz = 5.0 / 16.0 * sea.hs_m**2 / peak * ratio**-5.0 * np.exp(-1.25 * ratio**-4.0)
+    width = np.where(ratio <= 1.0, 0.07, 0.09)
+    enhancement = sea.gamma ** np.exp(-0.5 * ((ratio - 1.0) / width) ** 2)
+    normalisation = 1.0 - 0.287 * math.log(sea.gamma)
+    return np.asarray(normalisation * pierson_moskowitz * enhancement)
+
+
+@functools.cache
+def presets() -> dict[str, Sea]:
+    """Sea presets by name (``plant/seas.toml``)."""
+    text = resources.files("shaftline.plant").joinpath("seas.toml").read_text(encoding="utf-8")
+    return {name: Sea(**values) for name, values in tomllib.loads(text).items()}
+
+
+_TEXT_KEYS = {"hs": "hs_m", "tp": "tp_s", "gamma": "gamma", "heading": "heading_deg"}
+
+
+def get_sea(text: str) -> Sea | None:
+    """Sea by its preset's name, or by numbers, ``hs=3.2,tp=9.1``; None for ``calm``.
+
+    Args:
+        text: name, or ``hs`` [m] and ``tp`` [s], and if wanted ``gamma`` [-] and ``heading`` [deg].
+
+    Raises:
+        ValueError: unknown name, the message lists the known ones; a number that is missing, double,
+            no number or out of range.
+    """
+    if text == "calm":
+        return None
+    if "=" in text:
+        return _sea_by_numbers(text)
+    if text not in presets():
+        known = ", ".join(["calm", *presets()])
+        raise ValueError(f"unknown sea {text!r}; known seas: {known}, or your own: hs=3.2,tp=9.1")
+    return presets()[text]
+
+
+def _sea_by_numbers(text: str) -> Sea:
+    values: dict[str, float] = {}
+    for part in text.split(","):
+        key, _, number = (word.strip() for word in part.partition("="))
+        if key not in _TEXT_KEYS or _TEXT_KEYS[key] in values:
+            known = ", ".join(_TEXT_KEYS)
+            raise ValueError(f"sea {text!r}: {part.strip()!r}: must be one of {known}, each once")
+        try:
+            values[_TEXT_KEYS[key]] = float(number)
+        except ValueError:
+            raise ValueError(f"sea {text!r}: {key} = {number!r} is no number") from None
+    try:
+        return Sea(**values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        about = Sea.model_fields[str(first["loc"][0])].description
+        raise ValueError(f"sea {text!r}: {about}: {first['msg'].lower()}") from None
