@@ -15,14 +15,14 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 COMMANDS = (
-    "tour", "new-ship", "simulate", "manoeuvre", "loop", "reproduce", "train", "tune", "evaluate",
-    "identify", "diagnose", "prove", "list",
+    "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
+    "evaluate", "identify", "diagnose", "prove", "list",
 )  # fmt: skip
 """In the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
 
 HERE = Path(__file__).parent
-NAMED_OTHERWISE = {"list": "list_names"}
-"""Functions whose command's name is taken in Python."""
+NAMED_OTHERWISE = {"list": "list_names", "linearise": "linearise_ship"}
+"""Functions whose command's name is taken."""
 
 
 def _stem(name: str) -> str:

@@ -1,0 +1,124 @@
+"""``shaftline linearise``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+import typer
+from numpy.typing import NDArray
+
+from ..core.files import write_atomically, write_json
+from ..core.lazy import control
+from ..display import figures
+from ..display.linear import channels, frequency_response, modes
+from ..plant import Equilibrium, Ship, approach, equilibrium, linearise, load_ship
+from .console import check_folder, clear_errors, print_table, say
+
+_USUAL = "pitch_ratio,shaft_speed,ship_speed,shaft_torque"
+
+
+def linearise_ship(
+    ship: Annotated[
+        str, typer.Option(help="Ship: a preset (see `shaftline list`) or a .toml file.")
+    ] = "frigate",
+    speed: Annotated[
+        float | None,
+        typer.Option(help="Ship speed [m/s] about which to linearise.", show_default=False),
+    ] = None,
+    drive: Annotated[
+        float | None,
+        typer.Option(
+            help="Instead of a speed: the demand on the prime mover, in its own unit (fuel rack [mm], "
+            "voltage [V], torque [N m], shaft speed [rad/s]).",
+            show_default=False,
+        ),
+    ] = None,
+    pitch: Annotated[
+        float | None, typer.Option(help="P/D [-].", show_default="the highest of the ship")
+    ] = None,
+    output: Annotated[
+        str, typer.Option(help="Outputs, by commas: states or quantities such as thrust.")
+    ] = _USUAL,
+    out: Annotated[Path, typer.Option(help="Folder for the model and the figure.")] = Path(
+        "out/linear"
+    ),
+) -> None:
+    """Write the ship's linear model about a working point, with poles, zeros, Bode plot and margins.
+
+    The model is x' = A x + B u, y = C x + D u in deviations from a steady state, in SI units; its
+    derivatives are those of the simulated equations, exact to rounding. Rate limits, dead bands and
+    dead times are not in it.
+
+    A channel's margins are those of the channel closed by a gain of 1 in its units (-1 where its steady
+    gain is negative); a controller's own stand in `shaftline loop`.
+
+    Written: `linear.json` (point, A, B, C, D, names, units, poles), `linear.mat` (the same matrices for
+    MATLAB or Octave: `ss(A,B,C,D)`) and `bode.png` (gain and phase of every channel).
+
+    Examples:
+        shaftline linearise --ship frigate --drive 22 --pitch 1.4
+
+        shaftline linearise --ship my_ship.toml --speed 7 --output shaft_speed,thrust
+    """
+    with clear_errors():
+        check_folder(out)
+        vessel = load_ship(ship)
+        point = _point(vessel, speed, drive, pitch)
+        names = tuple(filter(None, (name.strip() for name in output.split(","))))
+        if not names:
+            raise ValueError(f"--output {output!r}: at least one output is needed")
+        system = linearise(vessel, point, outputs=names)
+        about = _about(vessel, point)
+        say(about)
+        print_table(modes(system), "modes", 4)
+        told = channels(system, vessel)
+        print_table(told, "channels", 4)
+        figures.save(frequency_response(system, vessel, about), out / "bode.png")
+        matrices = {name: np.asarray(getattr(system, name)) for name in "ABCD"}
+        _write(out, about, system, matrices, told)
+        say(f"\nModel: {out / 'linear.json'}, {out / 'linear.mat'}   picture: {out / 'bode.png'}")
+
+
+def _point(
+    ship: Ship, speed: float | None, drive: float | None, pitch: float | None
+) -> Equilibrium:
+    if (speed is None) == (drive is None):
+        raise ValueError("give either --speed or --drive (with --pitch)")
+    if drive is None:
+        assert speed is not None
+        return approach(ship, speed, pitch)
+    return equilibrium(ship, drive, ship.propeller.pitch_ratio_max if pitch is None else pitch)
+
+
+def _about(ship: Ship, point: Equilibrium) -> str:
+    demand = ship.prime_mover.demand
+    return (
+        f"{ship.name} at {demand.symbol} = {point.inputs.drive:.4g} {demand.unit}, P/D = "
+        f"{point.state.pitch_ratio:.4g}: {point.state.shaft_speed:.4g} rad/s, "
+        f"{point.state.ship_speed:.4g} m/s"
+    )
+
+
+def _write(
+    out: Path, about: str, system: control.StateSpace, matrices: dict[str, NDArray[np.float64]],
+    told: pd.DataFrame,
+) -> None:  # fmt: skip
+    from scipy.io import savemat
+
+    names = {
+        "states": list(system.state_labels),
+        "inputs": list(system.input_labels),
+        "outputs": list(system.output_labels),
+    }
+    poles = [{"real": p.real, "imag": p.imag} for p in map(complex, system.poles())]
+    plain = {key: value.tolist() for key, value in matrices.items()}
+    finite = told.replace([np.inf, -np.inf], np.nan).astype(object)
+    rows = finite.where(finite.notna(), None).to_dict("records")
+    write_json(
+        out / "linear.json", {"about": about} | names | plain | {"poles": poles, "channels": rows}
+    )
+    both = matrices | {key: np.array(value, dtype=object) for key, value in names.items()}
+    write_atomically(out / "linear.mat", lambda file: savemat(str(file), both, appendmat=False))
