@@ -1,15 +1,22 @@
-"""Controllers and helmsmen by name."""
+"""Controllers and helmsmen by name: ours, a user's as ``module:Class``, those of installed packages.
+
+A package offers its own by entry points of the group ``shaftline.controllers`` or
+``shaftline.helmsmen``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from ..core.discovery import classes_in
+from ..core.discovery import classes_in, of_others, offered
 from ..plant.ship import Ship
 from .controller import Controller
 from .helmsman import ShapedHelmsman
 from .steering import SteeringController
+
+CONTROLLERS, HELMSMEN = "shaftline.controllers", "shaftline.helmsmen"
+"""Groups of entry points."""
 
 
 class ControllerError(ValueError):
@@ -35,7 +42,7 @@ _HELMSMEN = {
 
 def helmsman_names() -> list[str]:
     """All that lay the rudder."""
-    return list(_HELMSMEN)
+    return [*_HELMSMEN, *offered(HELMSMEN)]
 
 
 def make_helmsman(
@@ -54,17 +61,17 @@ def make_helmsman(
         ShipError: a ship that cannot be steered.
     """
     name, options = read_options(text)
-    if name not in _HELMSMEN:
-        raise ControllerError(f"unknown helmsman {name!r}; known: {', '.join(_HELMSMEN)}")
+    kind = _HELMSMEN.get(name) or _of_others(name, HELMSMEN, "helmsman", helmsman_names())
     try:
-        return _HELMSMEN[name](ship, interval_s, speed_m_s, **options)
+        made: ShapedHelmsman = kind(ship, interval_s, speed_m_s, **options)
+        return made
     except TypeError as error:
         raise ControllerError(f"{text!r}: {error}") from None
 
 
 def controller_names() -> list[str]:
-    """All classic controllers and their variants."""
-    return list(_KNOWN)
+    """All classic controllers and their variants, and those that installed packages offer."""
+    return [*_KNOWN, *offered(CONTROLLERS)]
 
 
 def tunable(name: str) -> Mapping[str, tuple[float, float]]:
@@ -74,14 +81,17 @@ def tunable(name: str) -> Mapping[str, tuple[float, float]]:
         ControllerError: unknown name.
     """
     kind, fixed = _known(name)
-    return {key: ends for key, ends in kind.tunable.items() if key not in fixed}
+    own: Mapping[str, tuple[float, float]] = getattr(kind, "tunable", {})
+    return {key: ends for key, ends in own.items() if key not in fixed}
 
 
 def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     """A controller from ``NAME`` or ``NAME:option=number,option=number``.
 
     Args:
-        text: name and options, such as ``combinator:response_s=3``.
+        text: name and options, such as ``combinator:response_s=3``; one's own is named
+            ``module:Class`` or ``module:Class:option=number``, and is any class that is called with a
+            ship, the interval and its options and has stable-baselines3's ``predict``.
         ship: the ship that it is built for.
         interval_s: control interval [s].
 
@@ -97,12 +107,15 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
 
 
 def read_options(text: str) -> tuple[str, dict[str, float]]:
-    """Name and options of ``NAME:option=number,option=number``.
+    """Name and options of ``NAME:option=number,option=number``; the name may be ``module:Class``.
 
     Raises:
         ControllerError: an option that is no number.
     """
     name, _, rest = text.partition(":")
+    place, _, behind = rest.partition(":")
+    if place and "=" not in place and name not in {*_KNOWN, *_HELMSMEN}:
+        name, rest = f"{name}:{place}", behind
     options: dict[str, float] = {}
     for item in filter(None, rest.split(",")):
         key, _, value = item.partition("=")
@@ -114,9 +127,23 @@ def read_options(text: str) -> tuple[str, dict[str, float]]:
 
 
 def _known(name: str) -> tuple[type[Controller], Mapping[str, Any]]:
-    if name not in _KNOWN:
-        raise ControllerError(f"unknown controller {name!r}; known: {', '.join(_KNOWN)}")
-    return _KNOWN[name]
+    if name in _KNOWN:
+        return _KNOWN[name]
+    return _of_others(name, CONTROLLERS, "controller", controller_names()), {}
+
+
+def _of_others(name: str, group: str, what: str, known: list[str]) -> Any:
+    try:
+        found = of_others(name, group)
+    except ValueError as error:
+        raise ControllerError(f"{what} {error}") from None
+    if found is None:
+        raise ControllerError(
+            f"unknown {what} {name!r}; known: {', '.join(known)}, or your own as module:Class"
+        )
+    if not callable(found) or not hasattr(found, "predict"):
+        raise ControllerError(f"{what} {name}: must be a class with a method predict")
+    return found
 
 
 def make_steering(text: str, ship: Ship, interval_s: float) -> SteeringController:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import typer
 
-from ..baselines import controller_names, helmsman_names, make_controller, make_helmsman
+from ..baselines import ControllerError, helmsman_names, make_controller, make_helmsman
 from ..baselines.controller import Controller
 from ..baselines.helmsman import ShapedHelmsman
 from ..baselines.loops import controller_loop, helmsman_loop, readable
@@ -129,10 +129,16 @@ def _loop(
         helmsman = make_helmsman(text, ship, interval, speed)
         held: ShapedHelmsman = helmsman
         return helmsman_loop(held), f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s"
-    if name not in controller_names():
-        known = ", ".join([*controller_names(), *helmsman_names()])
-        raise ValueError(f"unknown controller {text!r}; known: {known}, or a law such as 3,0.4/1,0")
-    made: Controller = make_controller(text, ship, interval)
+    try:
+        made = make_controller(text, ship, interval)
+    except ControllerError as error:
+        helmsmen = ", ".join(helmsman_names())
+        raise ValueError(f"{error}; a helmsman ({helmsmen}); or a law such as 3,0.4/1,0") from None
+    if not isinstance(made, Controller):
+        raise ValueError(
+            f"{name}: a loop is looked at where a controller tells its memory (`fresh`) and its law "
+            "(`act`); derive the class from shaftline.baselines.Controller"
+        )
     what = f"{text} on {ship.name} at {speed:g} m/s, every {interval:g} s, opened at {command}"
     return controller_loop(made, speed, command), what
 

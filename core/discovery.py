@@ -1,12 +1,19 @@
-"""What a folder holds, found by looking: so that a new file is known without a list that names it."""
+"""What a folder holds, found by looking: so that a new file is known without a list that names it.
+
+And what others bring: classes named ``module:Class``, and those of installed packages that offer them by
+an entry point.
+"""
 
 from __future__ import annotations
 
 import inspect
 import pkgutil
+import sys
 from collections.abc import Collection
 from importlib import import_module
-from typing import TypeVar
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, TypeVar
 
 Base = TypeVar("Base")
 
@@ -35,4 +42,47 @@ def classes_in(package: str, base: type[Base], but: Collection[str] = ()) -> lis
             and thing.__module__ == module.__name__
             and not inspect.isabstract(thing)
         ]
+    return found
+
+
+def offered(group: str) -> list[str]:
+    """Names by which installed packages offer classes of their own.
+
+    Args:
+        group: of entry points, such as ``shaftline.controllers``.
+    """
+    return sorted(point.name for point in entry_points(group=group))
+
+
+def of_others(name: str, group: str) -> Any:
+    """A class that is not ours: ``module:Class``, or one that an installed package offers by name.
+
+    A module is looked for where Python looks, and in the working folder. Importing it runs it.
+
+    Args:
+        name: as above.
+        group: of entry points.
+
+    Returns:
+        The class, or None where the name is neither.
+
+    Raises:
+        ValueError: there is no such module, it has no such class, or it cannot be imported; the message
+            says which.
+    """
+    for point in entry_points(group=group):
+        if point.name == name:
+            name = point.value
+    module, _, place = name.partition(":")
+    if not place:
+        return None
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        found: Any = import_module(module)
+        for part in place.split("."):
+            found = getattr(found, part)
+    except (ImportError, AttributeError, SyntaxError, ValueError) as error:
+        raise ValueError(f"{name}: cannot be loaded: {error}") from error
     return found

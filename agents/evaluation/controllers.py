@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from pathlib import Path
 
 from ...baselines import Controller, ControllerError, controller_names, make_controller
+from ...baselines.registry import read_options
 from ...core.sweep import source_digest
 from ...plant import Ship
 from ..policy.policy import PolicyError, load_policy, trained
@@ -15,7 +17,7 @@ _POLICY = "policy"
 
 def known() -> str:
     """What :func:`load_controller` takes, in words."""
-    return f"{', '.join(controller_names())}, policy:FILE.npz" + "".join(
+    return f"{', '.join(controller_names())}, your own as module:Class, policy:FILE.npz" + "".join(
         f", {_POLICY}:{name}" for name in trained()
     )
 
@@ -32,10 +34,12 @@ def load_controller(text: str, ship: Ship, interval_s: float) -> Controller:
         ControllerError: unknown name, or an option that the controller does not take.
         PolicyError: not a policy, or one of another version, ship, observation or interval.
     """
-    name, _, source = text.partition(":")
-    if name in controller_names():
-        return make_controller(text, ship, interval_s)
-    if name != _POLICY or not source:
+    kind, _, source = text.partition(":")
+    if kind != _POLICY:
+        name, _ = read_options(text)
+        if ":" in name or name in controller_names():
+            return make_controller(text, ship, interval_s)
+    if kind != _POLICY or not source:
         raise ControllerError(f"unknown controller {text!r}; known: {known()}")
     policy = load_policy(source, ship)
     own = float(policy.about["control_interval_s"])
@@ -55,9 +59,18 @@ def label(text: str) -> str:
     """
     name, _, source = text.partition(":")
     if name != _POLICY:
-        return text
+        return f"{text} {_own_version(text)}".rstrip()
     path = trained().get(source, Path(source))
     return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(path)}"
+
+
+def _own_version(text: str) -> str:
+    """Eight letters that change with the file of a user's own controller; nothing of ours."""
+    name, _ = read_options(text)
+    if ":" not in name:
+        return ""
+    file = getattr(sys.modules.get(name.partition(":")[0]), "__file__", None)
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()[:8] if file else ""
 
 
 def version_of(policy: Path) -> str:

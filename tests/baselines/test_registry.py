@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import pytest
 
 import shaftline.baselines
@@ -14,6 +17,7 @@ from shaftline.baselines import (
     controller_names,
     make_controller,
 )
+from shaftline.baselines.registry import tunable
 from shaftline.core.discovery import classes_in
 from shaftline.plant import Ship, ShipError, load_ship
 
@@ -90,3 +94,41 @@ def test_what_does_not_fit_is_named(frigate: Ship, text: str, words: str) -> Non
 def test_a_ship_without_a_diesel_is_refused(name: str) -> None:
     with pytest.raises((ShipError, ValueError), match=r"tito-neri-sine: .*(diesel|pitch)"):
         make_controller(name, load_ship("tito-neri-sine"), 0.5)
+
+
+LAW = """
+import numpy as np
+
+class HalfAhead:
+    def __init__(self, ship, interval_s, rack=0.0):
+        self.action = np.float32([0.0, rack])
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.tile(self.action, (len(observation), 1)), state
+
+class NoLaw:
+    pass
+"""
+
+
+def test_a_controller_of_the_users_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, frigate: Ship
+) -> None:
+    (tmp_path / "laws_of_a_test.py").write_text(LAW)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    made = make_controller("laws_of_a_test:HalfAhead:rack=0.25", frigate, 0.5)
+    action, _ = made.predict([[0.0] * 8] * 3)
+    assert action.tolist() == [[0.0, 0.25]] * 3
+    assert (
+        make_controller("laws_of_a_test:HalfAhead", frigate, 0.5).predict([[0.0] * 8])[0][0, 1] == 0
+    )
+    assert tunable("laws_of_a_test:HalfAhead") == {}
+    for text, told in (
+        ("laws_of_a_test:NoLaw", "must be a class with a method predict"),
+        ("laws_of_a_test:Nobody", "has no attribute 'Nobody'"),
+        ("laws_of_a_test:HalfAhead:rock=1", "unexpected keyword argument 'rock'"),
+        ("nowhere_at_all:Law", "No module named 'nowhere_at_all'"),
+    ):
+        with pytest.raises(ControllerError, match=told):
+            make_controller(text, frigate, 0.5)

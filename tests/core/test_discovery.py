@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from shaftline.core.discovery import classes_in
+from shaftline.core import discovery
+from shaftline.core.discovery import classes_in, of_others, offered
 
 
 @pytest.fixture
@@ -42,3 +45,47 @@ def test_concrete_classes_are_found_by_module_and_place(package: str) -> None:
     assert [cls.__name__ for cls in found] == ["Lion", "Zebra", "Antelope"]
     with pytest.raises(AssertionError, match="left out"):
         classes_in(package, base)
+
+
+def test_a_class_of_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine_for_a_test.py").write_text("class Outer:\n    class Law: ...\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    found = of_others("mine_for_a_test:Outer.Law", "shaftline.controllers")
+    assert found.__qualname__ == "Outer.Law"
+    assert of_others("no-place", "shaftline.controllers") is None
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("no_such_module:Law", "No module named 'no_such_module'"),
+        ("json:Law", "no attribute 'Law'"),
+        (":Law", "cannot be loaded"),
+        ("json:", None),
+    ],
+)
+def test_what_is_not_there_is_told(
+    name: str, told: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    if told is None:
+        assert of_others(name, "shaftline.controllers") is None
+        return
+    with pytest.raises(ValueError, match=told):
+        of_others(name, "shaftline.controllers")
+
+
+def test_a_module_that_breaks_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "broken_for_a_test.py").write_text("def (:\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    with pytest.raises(ValueError, match="broken_for_a_test:Law: cannot be loaded: invalid syntax"):
+        of_others("broken_for_a_test:Law", "shaftline.controllers")
+
+
+def test_what_packages_offer(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [EntryPoint("ahead", "json:JSONDecoder", "shaftline.controllers")]
+    monkeypatch.setattr(discovery, "entry_points", lambda group: points)
+    assert offered("shaftline.controllers") == ["ahead"]
+    assert of_others("ahead", "shaftline.controllers") is json.JSONDecoder
