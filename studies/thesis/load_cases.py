@@ -1,16 +1,20 @@
-"""The thesis's eight load cases (section 4-1)."""
+"""The thesis's eight load cases (section 4-1), and the same on other ships.
+
+They are printed for a frigate. Another ship meets them in her own size: demands are the same shares of
+her drive's range and of her highest pitch, the inflow swings by the same share of n D.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
+from ...plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
 
 RACK, PITCH = 22.0, 1.4
 """Constant inputs [mm], [-] of every case that does not change them (section 4-1)."""
@@ -47,27 +51,56 @@ class LoadCase:
             ship: the ship.
             seed: of the sea, where the case has one.
             dt: time step [s]; the ship's own by default.
-            sea: sea preset instead of the case's own.
+            sea: sea instead of the case's own, as of :func:`shaftline.plant.get_sea`.
 
         Raises:
-            ValueError: the ship is no diesel ship with a controllable pitch of 1.0 to 1.4.
+            ValueError: a ship on which the case would move nothing, or without a steady state there.
         """
-        screw = ship.propeller
-        suits = screw.pitch_ratio_min <= 1.0 and screw.pitch_ratio_max >= PITCH
-        if not (ship.has_diesel and ship.moves and ship.has_propeller and suits):
-            raise ValueError(
-                f"load case {self.name!r} needs a diesel ship with a pitch ratio of 1.0 to {PITCH:g}; "
-                f"{ship.name} is none. Drive it with a recording instead (--inputs)"
-            )
+        drive, pitch, inflow = self._sizes(ship)
+        start = equilibrium(ship, drive * self.start[0], pitch * self.start[1])
         waves = get_sea(sea or self.sea or "calm")
         return simulate(
             ship,
-            self.schedule,
+            replace(
+                self.schedule,
+                drive=_times(self.schedule.drive, drive),
+                pitch_command=_times(self.schedule.pitch_command, pitch),
+                inflow=_times(self.schedule.inflow, inflow),
+            ),
             self.duration_s,
-            initial=equilibrium(ship, *self.start).state,
+            initial=start.state,
             sea=realise(waves, ship.propeller.depth_m, seed) if waves else None,
             dt=dt,
         )
+
+    def _sizes(self, ship: Ship) -> tuple[float, float, float]:
+        """By what the frigate's rack, pitch and inflow are multiplied."""
+        if not ship.has_propeller:
+            raise ValueError(f"load case {self.name!r} needs a propeller; {ship.name} has none")
+        if callable(self.schedule.pitch_command) and not ship.has_variable_pitch:
+            raise ValueError(
+                f"load case {self.name!r} needs blades that turn; {ship.name} has a fixed pitch"
+            )
+        if callable(self.schedule.resistance_factor) and not ship.moves:
+            raise ValueError(
+                f"load case {self.name!r} needs a hull that moves; {ship.name}'s is fixed"
+            )
+        printed = load_ship("frigate")
+        drive = float(ship.record()["drive_max"] / printed.record()["drive_max"])
+        pitch = ship.propeller.pitch_ratio_max / printed.propeller.pitch_ratio_max
+        return drive, pitch, _pace(ship, drive, pitch) / _pace(printed, 1.0, 1.0)
+
+
+def _pace(ship: Ship, drive: float, pitch: float) -> float:
+    """Revolutions times diameter, n D [m/s], where the cases are sailed."""
+    steady = equilibrium(ship, drive * RACK, pitch * PITCH)
+    return steady.state.shaft_speed / (2.0 * math.pi) * ship.propeller.diameter_m
+
+
+def _times(value: Any, factor: float) -> Any:
+    if callable(value):
+        return lambda t: factor * value(t)
+    return factor * value
 
 
 def _step(before: float, after: float) -> Callable[[NDArray[Any]], NDArray[Any]]:
