@@ -94,7 +94,7 @@ class LoadCase:
 def _pace(ship: Ship, drive: float, pitch: float) -> float:
     """Revolutions times diameter, n D [m/s], where the cases are sailed."""
     steady = equilibrium(ship, drive * RACK, pitch * PITCH)
-    return steady.state.shaft_speed / (2.0 * math.pi) * ship.propeller.diameter_m
+    return float(steady.state.shaft_speed / (2.0 * math.pi) * ship.propeller.diameter_m)
 
 
 def _times(value: Any, factor: float) -> Any:
