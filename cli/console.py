@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -14,13 +14,15 @@ import typer
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+
+from .progress import errors
+from .progress import progress as progress
+from .progress import stages as stages
 
 _PIPE_WIDTH = 180  # columns where the output is no terminal, so that no table is folded
 
 console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
-errors = Console(stderr=True)
 
 
 class Backend(StrEnum):
@@ -89,21 +91,6 @@ def needs_train(what: str) -> Iterator[None]:
         ) from None
 
 
-@contextmanager
-def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
-    """A progress bar on the error stream; gives the function that moves it by one."""
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=errors,
-        transient=True,
-    ) as bar:
-        task = bar.add_task(label, total=total)
-        yield lambda: bar.advance(task)
-
-
 def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
     """Print a table; floats rounded, missing ones as a dash."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
@@ -124,18 +111,3 @@ def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
     for row in frame.itertuples(index=False):
         table.add_row(*(cell(value) for value in row))
     console.print(table)
-
-
-@contextmanager
-def stages(label: str) -> Iterator[Callable[[str, int, int], None]]:
-    """A bar that begins anew with every stage; gives the function ``(stage, done, total)``."""
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(),
-        console=errors, transient=True,
-    ) as bar:  # fmt: skip
-        task = bar.add_task(label, total=None)
-
-        def tick(stage: str, done: int, total: int) -> None:
-            bar.update(task, description=f"{label}: {stage}", completed=done, total=total)
-
-        yield tick

@@ -1,0 +1,46 @@
+"""Progress where nobody watches: a line at the start, at every stage, every ten seconds, at the end."""
+
+from __future__ import annotations
+
+import pytest
+
+from shaftline.cli.progress import EVERY_S, Log, progress, stages
+
+
+def told(steps: list[tuple[float, int, str]], total: int) -> list[str]:
+    lines: list[str] = []
+    times = iter([0.0, *(when for when, _, _ in steps)])
+    log = Log("sailing", lines.append, lambda: next(times))
+    for _, done, stage in steps:
+        log.at(done, total, stage)
+    return lines
+
+
+def test_a_line_every_ten_seconds_and_at_the_end() -> None:
+    steps = [
+        (1.0, 1, ""),
+        (9.9, 2, ""),
+        (EVERY_S, 3, ""),
+        (12.0, 4, ""),
+        (21.0, 5, ""),
+        (22.0, 6, ""),
+    ]
+    assert told(steps, 6) == [
+        "sailing, 3 of 6, 10 s", "sailing, 5 of 6, 21 s", "sailing, 6 of 6, 22 s",
+    ]  # fmt: skip
+
+
+def test_a_line_at_every_new_stage() -> None:
+    steps = [(1.0, 0, "reading"), (2.0, 1, "reading"), (3.0, 0, "trying"), (4.0, 1, "trying")]
+    assert told(steps, 9) == ["sailing: reading, 0 of 9, 1 s", "sailing: trying, 0 of 9, 3 s"]
+
+
+def test_in_a_pipe_it_begins_at_once(capfd: pytest.CaptureFixture[str]) -> None:
+    with progress("sailing", 2) as tick:
+        tick()
+        tick()
+    with stages("diagnosing") as say:
+        say("reading", 0, 3)
+    assert capfd.readouterr().err.splitlines() == [
+        "sailing, 2 in all", "sailing, 2 of 2, 0 s", "diagnosing", "diagnosing: reading, 0 of 3, 0 s",
+    ]  # fmt: skip
