@@ -7,12 +7,15 @@ slip or the shell's completion need none of them.
 from __future__ import annotations
 
 import ast
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+
+from .progress import tell_compiling
 
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
@@ -54,7 +57,10 @@ class Later(TyperCommand):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
         """That of the command itself, which is thereby the one that runs."""
-        return self.itself().make_context(info_name, args, *rest, **extra)
+        command = self.itself()
+        if "numba" in sys.modules:
+            tell_compiling()
+        return command.make_context(info_name, args, *rest, **extra)
 
     def itself(self) -> Any:
         """The command, imported."""

@@ -50,6 +50,34 @@ class Log:
         self._say(f"{what}, {done} of {total}, {now - self._begun:.0f} s")
 
 
+def tell_compiling(say: Callable[[str], None] | None = None, patience_s: float = 1.0) -> None:
+    """Say once, where kernels are compiled and not found compiled, what takes so long.
+
+    Args:
+        say: writes a line.
+        patience_s: compiling that is too short to speak of [s].
+    """
+    from numba.core import event
+
+    class Once(event.Listener):  # type: ignore[misc]
+        begun: float | None = None
+        told = False
+
+        def on_start(self, event: object) -> None:
+            now = time.monotonic()
+            self.begun = now if self.begun is None else self.begun
+            if not self.told and now - self.begun > patience_s:
+                self.told = True
+                (say or _line)(
+                    "compiling the equations for this machine; once, about half a minute"
+                )
+
+        def on_end(self, event: object) -> None:
+            pass
+
+    event.register("numba:compile", Once())
+
+
 def _line(text: str) -> None:
     errors.print(text, highlight=False, markup=False, soft_wrap=True)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numba
 import pytest
 
-from shaftline.cli.progress import EVERY_S, Log, progress, stages
+from shaftline.cli.progress import EVERY_S, Log, progress, stages, tell_compiling
 
 
 def told(steps: list[tuple[float, int, str]], total: int) -> list[str]:
@@ -44,3 +45,15 @@ def test_in_a_pipe_it_begins_at_once(capfd: pytest.CaptureFixture[str]) -> None:
     assert capfd.readouterr().err.splitlines() == [
         "sailing, 2 in all", "sailing, 2 of 2, 0 s", "diagnosing", "diagnosing: reading, 0 of 3, 0 s",
     ]  # fmt: skip
+
+
+def test_compiling_is_told_once_and_not_where_it_is_short() -> None:
+    told: list[str] = []
+    short: list[str] = []
+    tell_compiling(told.append, patience_s=-1.0)
+    tell_compiling(short.append, patience_s=1e6)
+    for shift in (1.0, 2.0):
+        numba.njit(lambda x, shift=shift: x + shift)(1.0)
+    assert len(told) == 1
+    assert "compiling the equations" in told[0]
+    assert short == []
