@@ -75,7 +75,7 @@ def tell_compiling(say: Callable[[str], None] | None = None, patience_s: float =
         def on_end(self, event: object) -> None:
             pass
 
-    event.register("numba:compile", Once())
+    event.register("numba:compile", Once())  # type: ignore[no-untyped-call]
 
 
 def _line(text: str) -> None:

@@ -29,6 +29,7 @@ from ..plant.record import PLANT
 from ..plant.state import STATE, Inputs, State
 from ..plant.stepping import UNDISTURBED, prepare
 from ..plant.waves import SEA, field
+from . import whole_jobs
 from .sailing import sail
 
 BATCH, STEPS, REPEATS = 256, 100, 15
@@ -191,7 +192,12 @@ def main() -> None:
         [(label, f"{rate:,.0f}", f"{rate / cart_pole:.1f}") for label, rate in rows],
         columns=["what", "steps/s", "per CartPole step"],
     )
-    text = markdown(frame)
+    jobs = pd.DataFrame(
+        [(what, f"{seconds:.2f}", f"{seconds * cart_pole / 1e3:,.0f}") for what, seconds in
+         whole_jobs.measure()],
+        columns=["what", "seconds", "thousands of CartPole steps in that time"],
+    )  # fmt: skip
+    text = f"{markdown(frame)}\n\nWhole commands, from start to end:\n\n{markdown(jobs)}"
     print(f"{title}\n\n{text}")
     if out is not None:
         command = "python -m shaftline.studies.speed"
