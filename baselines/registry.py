@@ -7,7 +7,7 @@ A package offers its own by entry points of the group ``shaftline.controllers`` 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..core.discovery import classes_in, of_others, offered
 from ..plant.ship import Ship
@@ -72,6 +72,37 @@ def make_helmsman(
 def controller_names() -> list[str]:
     """All classic controllers and their variants, and those that installed packages offer."""
     return [*_KNOWN, *offered(CONTROLLERS)]
+
+
+class About(NamedTuple):
+    """A controller or helmsman in words.
+
+    Args:
+        words: what it does.
+        source: where it is published.
+        fixed: options that a variant sets.
+        tunable: options that a search may set, with their ranges.
+    """
+
+    words: str
+    source: str
+    fixed: Mapping[str, Any]
+    tunable: Mapping[str, tuple[float, float]]
+
+
+def about(name: str) -> About:
+    """What a controller or helmsman is.
+
+    Args:
+        name: of it.
+
+    Raises:
+        ControllerError: unknown name.
+    """
+    kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _known(name)
+    words = (kind.__doc__ or "").split("\n\n")[0].replace("\n", " ").split(";")[0].rstrip(".")
+    free = {} if name in _HELMSMEN else tunable(name)
+    return About(words, getattr(kind, "source", ""), fixed, free)
 
 
 def tunable(name: str) -> Mapping[str, tuple[float, float]]:

@@ -9,6 +9,7 @@ import pandas as pd
 import typer
 
 from ..baselines import controller_names, helmsman_names
+from ..baselines.registry import about
 from ..core.files import write_text
 from ..display.tables import markdown
 from ..envs import tasks
@@ -36,8 +37,8 @@ def registries() -> dict[str, pd.DataFrame]:
             columns=["sea", "Hs [m]", "Tp [s]", "gamma [-]"],
         ),
         "Observers": pd.DataFrame({"observer": observer_names()}),
-        "Controllers": pd.DataFrame({"controller": controller_names()}),
-        "Helmsmen": pd.DataFrame({"helmsman": helmsman_names()}),
+        "Controllers": _controllers(controller_names(), "controller"),
+        "Helmsmen": _controllers(helmsman_names(), "helmsman"),
         "Tasks": pd.DataFrame(
             [(name, task.description) for name, task in tasks().items()],
             columns=["task", "description"],
@@ -58,6 +59,20 @@ def registries() -> dict[str, pd.DataFrame]:
             ship_keys(), columns=["key", "unit", "allowed", "default", "description"]
         ),
     }
+
+
+def _controllers(names: list[str], kind: str) -> pd.DataFrame:
+    """What each does, what a variant sets, and what `shaftline tune` may search."""
+    rows = []
+    for name in names:
+        told = about(name)
+        sets = ", ".join(f"{key} = {value}" for key, value in told.fixed.items())
+        ranges = ", ".join(
+            f"{key} {low:g} to {high:g}" for key, (low, high) in told.tunable.items()
+        )
+        words = f"{told.words} (with {sets})" if sets else told.words
+        rows.append((name, words, told.source, ranges or "–"))
+    return pd.DataFrame(rows, columns=[kind, "what it does", "source", "may be tuned"])
 
 
 def effects() -> pd.DataFrame:

@@ -15,9 +15,10 @@ from shaftline.baselines import (
     ControllerError,
     SpeedPilot,
     controller_names,
+    helmsman_names,
     make_controller,
 )
-from shaftline.baselines.registry import tunable
+from shaftline.baselines.registry import about, tunable
 from shaftline.core.discovery import classes_in
 from shaftline.plant import Ship, ShipError, load_ship
 
@@ -132,3 +133,12 @@ def test_a_controller_of_the_users_own(
     ):
         with pytest.raises(ControllerError, match=told):
             make_controller(text, frigate, 0.5)
+
+
+@pytest.mark.parametrize("name", [*NAMES, *helmsman_names()])
+def test_each_says_what_it_does_and_where_it_comes_from(name: str) -> None:
+    told = about(name)
+    assert len(told.words) > 15
+    assert ";" not in told.words
+    assert told.source
+    assert not set(told.fixed) & set(told.tunable)
