@@ -68,7 +68,7 @@ def test_commands_that_are_named_exist(page: Path) -> None:
     for module in re.findall(r"python -m shaftline\.([\w.]+)", text):
         place = ROOT.joinpath(*module.rstrip(".").split("."))
         assert place.with_suffix(".py").is_file() or (place / "__main__.py").is_file(), module
-    for command in re.findall(r"(?:^|`|/)shaftline ([a-z-]+)", text, re.MULTILINE):
+    for command in re.findall(r"(?:^|`|/)shaftline ([a-z][a-z-]*)", text, re.MULTILINE):
         file = f"{command.replace('-', '_')}_command.py"
         assert (ROOT / "cli" / file).is_file(), command
     for target in re.findall(r"(?:^|`)make ([a-z-]+)", text, re.MULTILINE):
