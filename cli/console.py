@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from .machine import told
 from .progress import errors
 from .progress import progress as progress
 from .progress import stages as stages
@@ -63,6 +64,8 @@ def check_folder(out: Path) -> None:
 
 def say(text: str) -> None:
     """Print a text as it is: no colours, no folding, brackets left alone."""
+    if (heard := told()) is not None:
+        heard.said += text.strip().splitlines()
     console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -93,6 +96,8 @@ def needs_train(what: str) -> Iterator[None]:
 
 def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
     """Print a table; floats rounded, missing ones as a dash."""
+    if (heard := told()) is not None:
+        heard.tables[title] = frame.to_dict(orient="records")  # type: ignore[assignment]
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
     for i, column in enumerate(frame.columns):
         numeric = pd.api.types.is_numeric_dtype(frame[column])

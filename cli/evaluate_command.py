@@ -22,7 +22,8 @@ from ..display import figures
 from ..envs import DEFAULTS, FrigateEnv, get_task, tasks
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
-from .console import Backend, clear_errors, console, print_table, progress
+from .console import Backend, clear_errors, print_table, progress, say
+from .machine import numbers
 
 _INTERVAL = DEFAULTS.control_interval_s
 _SHOWN = (
@@ -115,9 +116,8 @@ def evaluate(
         shown = distinct(found.table)
         varied = [c for c in ("controller", "sea", "observer") if shown[c].nunique() > 1]
         print_table(shown[[*(varied or ["controller"]), *_SHOWN]], title)
-        console.print(
-            "\n".join(f"{name}: {KPIS[name]}" for name in _SHOWN), highlight=False, markup=False
-        )
+        say("\n".join(f"{name}: {KPIS[name]}" for name in _SHOWN))
+        numbers({"cells": found.table.to_dict(orient="records")})
         found.save(out, title, _SHOWN)
         lasts = {cell.controller: i for i, cell in enumerate(cells)}
         drawn = {name: found.traces[lasts[name]] for name in made}
@@ -131,7 +131,7 @@ def evaluate(
                     out / f"dashboard-{name}.png",
                     lambda f, frame=frame: imsave(f, frame),  # type: ignore[misc]
                 )
-        console.print(f"table, cells and {picture.name}: {out}", highlight=False, soft_wrap=True)
+        say(f"table, cells and {picture.name}: {out}")
 
 
 def _last_frame(setting: Setting, controller: Controller) -> np.ndarray:  # type: ignore[type-arg]

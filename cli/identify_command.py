@@ -13,6 +13,7 @@ from ..mismatch.numbers.pipeline import DEFAULT, METHODS
 from ..mismatch.report.files import PAGE, REPORT
 from ..plant import load_ship
 from .console import BelievedShip, ColumnMap, check_folder, clear_errors, say, stages
+from .machine import numbers
 
 
 def identify(
@@ -86,5 +87,6 @@ def identify(
             )  # fmt: skip
             tick("writing the report", 0, 1)
             found.save(out)
+        numbers(found.to_dict())
         say(found.summary())
         say(f"\nreport: {out / PAGE}   data: {out / REPORT}   identified ship: {out / SHIP}")

@@ -21,7 +21,7 @@ from ..plant.ship_files import ship_keys
 from ..plant.signals import CONTROL_SIGNALS, SIGNALS
 from ..plant.terms import NO_BOUND, TermParameter
 from ..studies.thesis.load_cases import CASES
-from .console import clear_errors, console, print_table
+from .console import clear_errors, print_table, say
 
 
 def registries() -> dict[str, pd.DataFrame]:
@@ -129,7 +129,7 @@ def list_names(
             parts = [f"## {title}\n\n{markdown(table)}\n" for title, table in tables.items()]
             head = "# Reference\n\nMade by `shaftline list --markdown docs/reference.md`.\n\n"
             write_text(markdown_file, head + "\n".join(parts))
-            console.print(f"written: {markdown_file}", highlight=False, soft_wrap=True)
+            say(f"written: {markdown_file}")
             return
         for title, table in tables.items():
             print_table(table, title)

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from .machine import with_json
 from .progress import tell_compiling
 
 COMMANDS = (
@@ -67,7 +68,7 @@ class Later(TyperCommand):
         assert self.name is not None
         module = import_module(f".{_stem(self.name)}_command", __package__)
         alone = typer.Typer(rich_markup_mode="markdown", pretty_exceptions_enable=False)
-        alone.command(self.name)(getattr(module, _function(self.name)))
+        alone.command(self.name)(with_json(getattr(module, _function(self.name))))
         return typer.main.get_command(alone)
 
 

@@ -11,7 +11,7 @@ from ..core.files import write_atomically
 from ..display import figures
 from ..studies import tour as study
 from ..studies.thesis.vaf import ROWS
-from .console import clear_errors, console, print_table, progress
+from .console import clear_errors, print_table, progress, say
 
 
 def tour(
@@ -26,20 +26,18 @@ def tour(
     which it was measured and says where model and measurement differ most.
     """
     with clear_errors():
-        console.print(
+        say(
             "A frigate sails 300 s of head seas; each observer estimates from shaft speed, torque and "
-            "pitch how fast the water meets the propeller.",
-            soft_wrap=True,
+            "pitch how fast the water meets the propeller."
         )
         with progress("sailing (the first run compiles the kernels)", len(ROWS)) as tick:
             sea = study.sail_the_thesis_sea(seed, tick)
         print_table(sea.table, "1. The frigate in head seas: who sees the water's speed?")
-        console.print(
+        say(
             "VAF is the share of the advance velocity's variance that an estimate accounts for; 100 % "
-            "is perfect. The noisy readings are those of good shipboard instruments.",
-            soft_wrap=True,
+            "is perfect. The noisy readings are those of good shipboard instruments."
         )
-        console.print(f"{sea.sentence}\n", highlight=False, soft_wrap=True)
+        say(f"{sea.sentence}\n")
         figures.save(sea.figure, out / "seaway.png")
         write_atomically(out / "seaway.csv", lambda f: sea.table.to_csv(f, index=False))
 
@@ -59,16 +57,14 @@ def tour(
             "3. Its measured frequency response about 5.89 V: gains, measured and simulated",
         )
         for sentence in train.sentences:
-            console.print(f"- {sentence}", highlight=False, soft_wrap=True)
+            say(f"- {sentence}")
         figures.save(train.figure, out / "tito-neri.png")
         for name, frame in (("points", train.points), ("response", train.response)):
             write_atomically(
                 out / f"tito-neri-{name}.csv",
                 lambda f, frame=frame: frame.to_csv(f, index=False),  # type: ignore[misc]
             )
-        console.print(
+        say(
             f"\nPictures: {out / 'seaway.png'} and {out / 'tito-neri.png'}; the tables lie beside "
-            "them as CSV.",
-            highlight=False,
-            soft_wrap=True,
+            "them as CSV."
         )

@@ -10,6 +10,7 @@ from ..baselines import controller_names
 from ..envs import DEFAULTS, get_task, tasks
 from ..observers import get_observer
 from .console import clear_errors, needs_train, say, stages
+from .machine import numbers
 
 
 def tune(
@@ -59,6 +60,7 @@ def tune(
                 episode_s=episode_s, seed=seed, observer=observer,
                 tick=lambda done, total, said: tick(said, done, total),
             )  # fmt: skip
+        numbers(found._asdict())
         say(f"{found.sailed} candidates on {seeds} episodes of {task}")
         say(f"reward on {seeds} fresh episodes: {found.fresh:.5g}, untuned {found.untuned:.5g}")
         if found.fresh <= found.untuned:

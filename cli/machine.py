@@ -1,0 +1,123 @@
+"""``--json``: what a command tells, for programs; every command has it, and none spells it out.
+
+What is said goes through :func:`~.console.say` and :func:`~.console.print_table`, which hand it on to
+here. A command that has numbers of its own to give adds them with :func:`numbers`.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+Json = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        help="File for all that is told, for programs; `-` is the standard output, with nothing else.",
+        show_default=False,
+    ),
+]
+
+_STANDARD = Path("-")
+
+
+class Told:
+    """What a command tells while it runs."""
+
+    def __init__(self) -> None:
+        self.tables: dict[str, list[dict[str, Any]]] = {}
+        self.said: list[str] = []
+        self.numbers: dict[str, Any] = {}
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON allows: numbers that are not finite are null."""
+        found = {"said": self.said, "tables": self.tables} | self.numbers
+        return {key: plain(value) for key, value in found.items()}
+
+
+_told: Told | None = None
+
+
+def told() -> Told | None:
+    """Where to tell it; None where nobody asked for JSON."""
+    return _told
+
+
+def numbers(values: dict[str, Any]) -> None:
+    """Add numbers of one's own to what is told.
+
+    Args:
+        values: by name, of anything that JSON allows, NumPy's scalars among it.
+    """
+    if _told is not None:
+        _told.numbers.update(values)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON allows it.
+
+    Args:
+        value: of dictionaries, lists, numbers, paths and texts.
+    """
+    if isinstance(value, dict):
+        return {str(key): plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)
+
+
+def with_json(function: Callable[..., None]) -> Callable[..., None]:
+    """A command with ``--json``, where it has none of its own.
+
+    Args:
+        function: the command.
+    """
+    signature = inspect.signature(function)
+    if "json" in signature.parameters:
+        return function
+
+    @functools.wraps(function)
+    def run(*arguments: Any, json: Path | None = None, **options: Any) -> None:
+        with _telling(json):
+            function(*arguments, **options)
+
+    extra = inspect.Parameter("json", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Json)
+    whole = signature.replace(parameters=[*signature.parameters.values(), extra])
+    run.__signature__ = whole  # type: ignore[attr-defined]
+    run.__annotations__ = function.__annotations__ | {"json": Json}
+    return run
+
+
+@contextmanager
+def _telling(file: Path | None) -> Iterator[None]:
+    global _told
+    if file is None:
+        yield
+        return
+    from ..core.files import write_json
+    from .console import console
+
+    _told, console.quiet = Told(), file == _STANDARD
+    try:
+        yield
+        if file == _STANDARD:
+            sys.stdout.write(json.dumps(_told.to_dict(), indent=2, allow_nan=False) + "\n")
+        else:
+            write_json(file, _told.to_dict())
+    finally:
+        _told, console.quiet = None, False
