@@ -87,7 +87,7 @@ def with_json(function: Callable[..., None]) -> Callable[..., None]:
     Args:
         function: the command.
     """
-    signature = inspect.signature(function)
+    signature = inspect.signature(function, eval_str=True)
     if "json" in signature.parameters:
         return function
 
@@ -99,7 +99,7 @@ def with_json(function: Callable[..., None]) -> Callable[..., None]:
     extra = inspect.Parameter("json", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Json)
     whole = signature.replace(parameters=[*signature.parameters.values(), extra])
     run.__signature__ = whole  # type: ignore[attr-defined]
-    run.__annotations__ = function.__annotations__ | {"json": Json}
+    run.__annotations__ = {name: one.annotation for name, one in whole.parameters.items()}
     return run
 
 

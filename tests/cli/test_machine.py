@@ -25,6 +25,11 @@ def test_every_command_has_it(name: str) -> None:
     assert "--json" in {option for p in main.Later(name).itself().params for option in p.opts}
 
 
+@pytest.mark.parametrize("name", main.COMMANDS)
+def test_no_option_loses_its_help(name: str) -> None:
+    assert all(getattr(p, "help", "") for p in main.Later(name).itself().params)
+
+
 def test_in_a_file(shaftline: Command, tmp_path: Path) -> None:
     ask = ("linearise", "--drive", 22, "--pitch", 1.4, "--out", tmp_path / "lin")
     result = shaftline(*ask, "--json", tmp_path / "told.json")
