@@ -1,7 +1,7 @@
 """The physics: propeller, engine, shaft, hull, actuators, waves, and their integration in time."""
 
 from .approach import approach
-from .linear import linearise
+from .linear import along, linearise
 from .loops import Loop
 from .manoeuvres import spiral, turning_circle, zig_zag
 from .recording import RecordingError, read_recording
@@ -28,6 +28,7 @@ __all__ = [
     "ShipError",
     "State",
     "Voyage",
+    "along",
     "approach",
     "equilibrium",
     "get_sea",

@@ -8,11 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from ..core.lazy import control
 from .derivatives import STEP
 from .dynamics import evaluate
 from .ship import Ship
+from .ship_errors import ShipError
 from .state import Inputs, Outputs, State, active_states
 from .steady_state import Equilibrium
 
@@ -130,3 +132,84 @@ def tangent(
         rates, values, slopes(by_states, 0), slopes(by_inputs, 0), slopes(by_states, 1),
         slopes(by_inputs, 1),
     )  # fmt: skip
+
+
+class Local(NamedTuple):
+    """The plant about one instant of a run, to first order."""
+
+    time_s: float
+    states: tuple[str, ...]  # names
+    state: NDArray[np.float64]  # shape (n,)
+    tangent: Tangent
+
+    def ahead(self, seconds: float) -> NDArray[np.float64]:
+        """State some time later, shape (n,), by this model alone, all that acts on the ship held.
+
+        The exact solution of x' = f + A (x - x0).
+
+        Args:
+            seconds: how much later [s].
+        """
+        n = len(self.state)
+        block = np.zeros((n + 1, n + 1))
+        block[:n, :n], block[:n, n] = self.tangent.a, self.tangent.rates
+        return np.asarray(self.state + expm(block * seconds)[:n, n])
+
+
+def along(
+    ship: Ship,
+    samples: NDArray[Any],
+    every_s: float,
+    outputs: tuple[str, ...] = ("pitch_ratio", "shaft_speed", "ship_speed", "shaft_torque"),
+) -> list[Local]:
+    """Linear models about the instants of a run, one after the other (thesis, end of section 2-7-2).
+
+    What acts on the ship is read from the run and held about each instant: the demands as they stand in
+    it, the inflow and the factor on the resistance as its advance velocity and resistance ask for. The
+    rates of the states are not 0 there, as they are in a steady state.
+
+    Args:
+        ship: that sailed.
+        samples: SAMPLE array of :func:`shaftline.plant.simulate`, shape (n,).
+        every_s: between two models [s], a multiple of the samples' interval.
+        outputs: names of states or of algebraic outputs.
+
+    Raises:
+        ShipError: a ship with states of which samples tell nothing.
+        ValueError: an interval that is none of the samples', or an output that does not exist.
+    """
+    plant = ship.record()
+    names = tuple(active_states(plant))
+    untold = set(names) - set(samples.dtype.names or ())
+    if untold or ship.hears or plant["pitch_backlash"]:
+        raise ShipError(
+            f"{ship.name}: samples do not tell {', '.join(sorted(untold)) or 'all that acts on it'}"
+        )
+    interval = float(samples["time"][1] - samples["time"][0])
+    step = round(every_s / interval)
+    if step < 1 or abs(step * interval - every_s) > 1e-6 * interval:
+        raise ValueError(
+            f"every_s = {every_s:g}: must be a multiple of the samples' {interval:g} s, at least one"
+        )
+    return [_local(plant, row, names, outputs, ship.turns) for row in samples[::step]]
+
+
+def _local(
+    plant: Any, row: Any, names: tuple[str, ...], outputs: tuple[str, ...], turns: bool
+) -> Local:
+    told = {name: float(row[name]) for name in State._fields if name in row.dtype.names}
+    told["pitch_ratio"] -= float(plant["pitch_actuator_offset"])
+    state = State(**told)
+    bare = Inputs(float(row["drive"]), float(row["pitch_command"]))
+    if turns:
+        bare = bare._replace(rudder_command=float(row["rudder_command"]))
+    blade = float(row["pitch_ratio"])
+    _, calm = evaluate(plant, state, bare, blade, False)
+    factor = row["resistance"] / calm.resistance if calm.resistance else 1.0
+    acting = bare._replace(
+        inflow=float(row["advance_velocity"] - calm.advance_velocity),
+        resistance_factor=float(factor),
+    )
+    by = STEERED if turns else INPUTS
+    found = tangent(plant, state, acting, blade, names, outputs, by)
+    return Local(float(row["time"]), names, np.array([told[name] for name in names]), found)

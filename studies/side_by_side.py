@@ -8,6 +8,9 @@ from typing import Any
 
 import pandas as pd
 
+UNEXPLAINED = "not explained"
+"""Where a number differs and no reason is known."""
+
 
 @functools.cache
 def published(name: str) -> pd.DataFrame:
@@ -54,7 +57,7 @@ def compare(
                         for key in ((row, column), ("*", column), (row, "*"), ("*", "*"))
                         if key in reasons
                     ),
-                    "not explained",
+                    UNEXPLAINED,
                 )
             cells.append((row, column, value, printed, difference, why))
     return pd.DataFrame(cells, columns=["row", "column", "ours", "thesis", "difference", "why"])

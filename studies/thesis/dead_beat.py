@@ -70,6 +70,25 @@ def predictor(a11: float, a12: float) -> Filter:
     )  # fmt: skip
 
 
+def response(a11: float, a12: float, inertia: float) -> control.StateSpace:
+    """The filter of one point, in z, from measured omega and M_m to estimated omega and v_a.
+
+    Args:
+        a11: as of :func:`predictor`.
+        a12: the same.
+        inertia: I_R [kg m2].
+    """
+    a, c = np.array([[a11, a12], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    k = np.array(predictor(a11, a12).gain)[:, None]
+    inputs = np.hstack([k, [[1.0 / inertia], [0.0]]])
+    return control.ss(a - k @ c, inputs, np.eye(2), np.zeros((2, 2)), True)
+
+
+def behind(ship: Ship) -> float:
+    """I_R [kg m2]."""
+    return float(ship.record()["inertia_propeller_side"])
+
+
 def slopes(ship: Ship, point: str) -> tuple[float, float]:
     """a11 and a12 of our plant at A to D."""
     inputs, record = published("advance_velocity_thesis_working_points").loc[point], ship.record()

@@ -86,13 +86,26 @@ def sign_slips(printed: pd.DataFrame) -> list[tuple[str, str]]:
     return found
 
 
-def _vaf_with_belief(
-    observer: str, believed: Ship, curve: float, readings: Any, truth: Any, dt: float
-) -> float:
+def _believing(observer: str, believed: Ship, curve: float, readings: Any, dt: float) -> Any:
     record = get_observer(observer).discretise(believed, dt)
     record["ship"]["kq"] *= curve
     record["ship"]["kt"] *= curve
-    return variance_accounted_for(truth, follow_record(record, readings)[0])
+    return follow_record(record, readings)[0]
+
+
+def wrong_estimates(ship: Ship) -> tuple[Any, dict[tuple[str, str], Any]]:
+    """Samples of the 4 rad/s case, and the estimate [m/s] of every row with every belief, shape (n,).
+
+    Args:
+        ship: the thesis's frigate.
+    """
+    samples = CASES["inflow_sine_high"].run(ship)
+    readings, beliefs = readings_of(samples), _beliefs(ship)
+    return samples, {
+        (row, name): _believing(observer, believed, curve, readings, ship.time_step_s)
+        for row, observer in ROWS.items()
+        for name, (believed, curve) in beliefs.items()
+    }
 
 
 def sensitivity_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
@@ -103,7 +116,9 @@ def sensitivity_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
     columns = {}
     for name, (believed, curve) in _beliefs(frigate).items():
         columns[name] = [
-            _vaf_with_belief(row, believed, curve, readings, truth, frigate.time_step_s)
+            variance_accounted_for(
+                truth, _believing(row, believed, curve, readings, frigate.time_step_s)
+            )
             for row in ROWS.values()
         ]
         tick()
