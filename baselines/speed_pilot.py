@@ -106,8 +106,8 @@ class SpeedPilot(Controller):
         slope = (self._rack[-1] - self._rack[0]) / (self._speeds[-1] - self._speeds[0])
         self._speed_gain = speed_gain * float(slope)  # [mm s/m]
         hull = self.ship.hull
-        drag = hull.resistance_coefficient_N_s2_m2 * float(np.mean(self._speeds))
-        self._reset_s = hull.mass_kg / (2.0 * drag) / integral_gain
+        slope_at = hull.resistance_slope(float(np.mean(self._speeds)))
+        self._reset_s = hull.mass_kg / slope_at / integral_gain
         self._units()
         self._limiters()
 

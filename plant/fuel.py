@@ -7,7 +7,8 @@ that an idling engine burns fuel and nothing is divided by zero:
     fuel / (C_base N_r) = sum of c_ij (N / N_r)^i (omega_e / omega_r)^j
 
 A share of 1 is the fuel of rated power at the base consumption. There is no term with i = j = 0: an
-engine at rest burns nothing.
+engine at rest burns nothing. The paper's own form, i up to 2 and j up to 3 of C_s, are the twelve
+coefficients with i from 1 to 3 and j from 0 to 3.
 """
 
 from __future__ import annotations
@@ -34,9 +35,12 @@ def fuel_rate(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
     speed = engine_speed / plant.engine_speed_max
     power = brake_torque * engine_speed / plant.fuel_rated_power
     share = speed * (plant.fuel_p0_s1 + plant.fuel_p0_s2 * speed)
-    slope = plant.fuel_p1_s0 + speed * (plant.fuel_p1_s1 + speed * plant.fuel_p1_s2)
+    bent = plant.fuel_p1_s1 + speed * (plant.fuel_p1_s2 + speed * plant.fuel_p1_s3)
+    slope = plant.fuel_p1_s0 + speed * bent
     if power.real > 0.0:  # an overrun engine has no use for the bend
-        bend = plant.fuel_p2_s0 + plant.fuel_p2_s1 * speed + plant.fuel_p3_s0 * power
+        square = plant.fuel_p2_s1 + speed * (plant.fuel_p2_s2 + speed * plant.fuel_p2_s3)
+        cube = plant.fuel_p3_s1 + speed * (plant.fuel_p3_s2 + speed * plant.fuel_p3_s3)
+        bend = plant.fuel_p2_s0 + square * speed + (plant.fuel_p3_s0 + speed * cube) * power
         slope = slope + bend * power
     share = share + slope * power
     if share.real < 0.0:

@@ -28,8 +28,17 @@ class Hull(Section):
         gt=0, le=1e9, default=1.0,
     )  # fmt: skip
     resistance_coefficient_N_s2_m2: float = number(
-        "R = c1 v^2", "N s2/m2", record="resistance_coefficient", needs="moves",
+        "c1, where R = c1 v^2 (see resistance_exponent)", "N s2/m2",
+        record="resistance_coefficient", needs="moves",
         required="unless hull.fixed", ge=0, le=1e7, default=0.0,
+    )  # fmt: skip
+    resistance_exponent: float = effect(
+        2.0, "k, where R = c1 v^2 (v / v_r)^(k - 2)", record="resistance_exponent", needs="moves",
+        ge=1, le=6,
+    )  # fmt: skip
+    resistance_reference_speed_m_s: float = number(
+        "v_r, speed at which R is c1 v^2", "m/s", record="resistance_reference_speed", needs="moves",
+        gt=0, le=40, default=1.0,
     )  # fmt: skip
     thrust_deduction: float = number(
         "t", record="thrust_deduction", needs="moves has_propeller", ge=-0.2, lt=0.6, default=0.0
@@ -85,6 +94,16 @@ class Hull(Section):
             require(self, keys, "unless hull.fixed is true")
         return self
 
+    def resistance_slope(self, speed_m_s: float) -> float:
+        """Rise of the resistance in calm water with speed, dR/dv [N s/m].
+
+        Args:
+            speed_m_s: through the water [m/s], ahead.
+        """
+        k, of_reference = self.resistance_exponent, speed_m_s / self.resistance_reference_speed_m_s
+        drag = self.resistance_coefficient_N_s2_m2 * speed_m_s
+        return float(k * drag * of_reference ** (k - 2.0))
+
     def fill(self, record: Any) -> None:
         """Its numbers, whether it moves, and the length by which waves add to its resistance."""
         super().fill(record)
@@ -112,6 +131,11 @@ def resistance(plant: Record, speed_through_water: Real, resistance_factor: Real
     """
     sign = 1.0 if speed_through_water.real >= 0.0 else -1.0
     factor = resistance_factor * (1.0 + plant.hull_fouling)
+    if plant.resistance_exponent != 2.0:
+        size = sign * speed_through_water / plant.resistance_reference_speed
+        if size.real == 0.0:
+            return 0.0 * size
+        factor = factor * size ** (plant.resistance_exponent - 2.0)
     return sign * factor * plant.resistance_coefficient * speed_through_water * speed_through_water
 
 

@@ -113,9 +113,7 @@ def too_short(tables: Sequence[pd.DataFrame], interval: float, ship: Ship) -> li
         said.append(f"{TOO_SHORT}: {rows} rows; below {_FEWEST_ROWS} little can be told")
     if ship.moves and all("ship_speed_m_s" in table for table in tables):
         speed = float(pd.concat([table["ship_speed_m_s"] for table in tables]).abs().median())
-        hull = ship.hull.mass_kg / (
-            2.0 * ship.hull.resistance_coefficient_N_s2_m2 * max(speed, 1.0)
-        )
+        hull = ship.hull.mass_kg / ship.hull.resistance_slope(max(speed, 1.0))
         if interval * rows < _TIME_CONSTANTS * hull:
             said.append(
                 f"{TOO_SHORT}: {interval * rows:.4g} s, where the hull's time constant is "

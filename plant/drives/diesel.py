@@ -23,7 +23,7 @@ from .prime_mover import PrimeMover
 
 def _coefficient(term: str, neutral: float, *, record: str) -> Any:
     """A coefficient of the fuel surface: fuel share per power share and speed share."""
-    return number(f"of {term} in the fuel surface", record=record, ge=-100, le=100, default=neutral)
+    return number(f"of {term} in the fuel surface", record=record, ge=-1e5, le=1e5, default=neutral)
 
 
 class Diesel(PrimeMover):
@@ -118,9 +118,15 @@ class Diesel(PrimeMover):
     fuel_p1_s0: float = _coefficient("N", 1.0, record="fuel_p1_s0")
     fuel_p1_s1: float = _coefficient("N omega", 0.0, record="fuel_p1_s1")
     fuel_p1_s2: float = _coefficient("N omega^2", 0.0, record="fuel_p1_s2")
+    fuel_p1_s3: float = _coefficient("N omega^3", 0.0, record="fuel_p1_s3")
     fuel_p2_s0: float = _coefficient("N^2", 0.0, record="fuel_p2_s0")
     fuel_p2_s1: float = _coefficient("N^2 omega", 0.0, record="fuel_p2_s1")
+    fuel_p2_s2: float = _coefficient("N^2 omega^2", 0.0, record="fuel_p2_s2")
+    fuel_p2_s3: float = _coefficient("N^2 omega^3", 0.0, record="fuel_p2_s3")
     fuel_p3_s0: float = _coefficient("N^3", 0.0, record="fuel_p3_s0")
+    fuel_p3_s1: float = _coefficient("N^3 omega", 0.0, record="fuel_p3_s1")
+    fuel_p3_s2: float = _coefficient("N^3 omega^2", 0.0, record="fuel_p3_s2")
+    fuel_p3_s3: float = _coefficient("N^3 omega^3", 0.0, record="fuel_p3_s3")
 
     @model_validator(mode="after")
     def _fuel_complete(self) -> Diesel:

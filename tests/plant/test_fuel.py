@@ -23,7 +23,8 @@ STATED = [
 
 SURFACE = {
     "p0_s1": 0.03, "p0_s2": 0.05, "p1_s0": 1.6, "p1_s1": -1.5, "p1_s2": 1.1, "p2_s0": 0.07,
-    "p2_s1": -0.4, "p3_s0": 0.3,
+    "p2_s1": -0.4, "p3_s0": 0.3, "p1_s3": 0.4, "p2_s2": -0.2, "p2_s3": 0.15, "p3_s1": 0.25,
+    "p3_s2": -0.35, "p3_s3": 0.12,
 }  # fmt: skip
 """A coefficient for each power of power (p) and speed (s)."""
 

@@ -183,3 +183,17 @@ def test_fixed_hull_stays(frigate: Ship) -> None:
     assert np.all(s["ship_speed"] == 0.0)
     assert np.all(s["position"] == 0.0)
     assert s["shaft_speed"][-1] > s["shaft_speed"][0]
+
+
+def test_resistance_may_rise_by_another_power(frigate: Ship) -> None:
+    """R = c1 v^2 (v / v_r)^(k - 2), odd in v, and its slope k R / v."""
+    steep = with_hull(frigate, resistance_exponent=2.65, resistance_reference_speed_m_s=6.0)
+    plant, c1 = steep.record(), steep.hull.resistance_coefficient_N_s2_m2
+    assert resistance(plant, 6.0, 1.0) == pytest.approx(c1 * 36.0, rel=1e-12)
+    assert resistance(plant, 3.0, 1.0) == pytest.approx(c1 * 36.0 * 0.5**2.65, rel=1e-12)
+    assert resistance(plant, -3.0, 1.0) == -resistance(plant, 3.0, 1.0)
+    assert resistance(plant, 0.0, 1.0) == 0.0
+    by_step = resistance(plant, 7.0 + 1e-20j, 1.0).imag / 1e-20
+    assert by_step == pytest.approx(2.65 * resistance(plant, 7.0, 1.0) / 7.0, rel=1e-12)
+    assert steep.hull.resistance_slope(7.0) == pytest.approx(by_step, rel=1e-12)
+    assert frigate.hull.resistance_slope(7.0) == 2.0 * DRAG * 7.0
