@@ -44,6 +44,13 @@ class Transmission(Section):
         0.0, "viscous friction before the gauge", "N m s/rad", record="viscous_engine_side",
         needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
+    arctangent_friction_engine_side_N_m: float = effect(
+        0.0, "k atan(s omega) before the gauge: k", "N m", record="arctangent_friction",
+        needs=FREE, ge=0, le=1e7,
+    )  # fmt: skip
+    arctangent_friction_slope_s_rad: float = number(
+        "its s", "s/rad", record="arctangent_slope", needs=FREE, gt=0, le=1e4, default=1.0
+    )
     coulomb_friction_propeller_side_N_m: float = effect(
         0.0, "Coulomb friction behind the gauge", "N m", record="coulomb_propeller_side",
         ge=0, le=1e7,
@@ -88,22 +95,35 @@ def quadratic_drag(plant: Record, shaft_speed: Real) -> Real:
 
 
 @compiled
+def friction_before_gauge(plant: Record, shaft_speed: Real) -> Real:
+    """Friction [N m] between prime mover and torque gauge, at the propeller shaft.
+
+    Coulomb and viscous friction, and k atan(s omega) of seals and bearings whose friction grows with
+    speed only at first (Pivano et al. 2008, eq. 2, whose first term is Coulomb friction here).
+    """
+    torque = friction_torque(
+        plant, plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
+    )
+    if plant.arctangent_friction != 0.0:
+        torque = torque + plant.arctangent_friction * np.arctan(
+            plant.arctangent_slope * shaft_speed
+        )
+    return torque
+
+
+@compiled
 def drive_torque(plant: Record, brake_torque: Real, shaft_speed: Real) -> Real:
     """Torque [N m] that drives the shaft: the brake torque through the gearbox (thesis eq. 2-15), less
     the friction before the gauge.
     """
     torque = brake_torque * plant.gear_ratio * plant.transmission_efficiency
-    return torque - friction_torque(
-        plant, plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
-    )
+    return torque - friction_before_gauge(plant, shaft_speed)
 
 
 @compiled
 def brake_torque_of(plant: Record, torque: Real, shaft_speed: Real) -> Real:
     """Brake torque [N m] that makes a :func:`drive_torque`."""
-    friction = friction_torque(
-        plant, plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
-    )
+    friction = friction_before_gauge(plant, shaft_speed)
     return (torque + friction) / (plant.gear_ratio * plant.transmission_efficiency)
 
 

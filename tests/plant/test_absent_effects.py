@@ -29,6 +29,12 @@ def effect(id: str, key: str, value: float, neutral: float = 0.0, **companions: 
 PLANT_EFFECTS = [
     effect("coulomb-engine-side", "transmission.coulomb_friction_engine_side_N_m", 5e3),
     effect("viscous-engine-side", "transmission.viscous_friction_engine_side_N_m_s_rad", 500.0),
+    effect(
+        "arctangent-friction",
+        "transmission.arctangent_friction_engine_side_N_m",
+        5e3,
+        arctangent_friction_slope_s_rad=0.3,
+    ),
     effect("coulomb-propeller-side", "transmission.coulomb_friction_propeller_side_N_m", 5e3),
     effect("viscous-propeller-side", "transmission.viscous_friction_propeller_side_N_m_s_rad", 5e2),
     effect("quadratic-drag", "transmission.quadratic_drag_N_m_s2_rad2", 50.0),

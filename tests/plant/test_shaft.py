@@ -10,6 +10,7 @@ from shaftline.plant import Equilibrium, Schedule, Ship, State, equilibrium, loa
 from shaftline.plant.shaft import (
     brake_torque_of,
     drive_torque,
+    friction_before_gauge,
     friction_torque,
     gauge_torque,
     inertia_behind_gauge,
@@ -151,3 +152,16 @@ def test_entrained_water_slows_the_start_and_not_the_end(
     assert equilibrium(ship, 25.0, 1.4).state == pytest.approx(
         equilibrium(frigate, 25.0, 1.4).state, rel=1e-9
     )
+
+
+def test_friction_that_saturates() -> None:
+    """k atan(s omega) beside Coulomb and viscous friction: odd, slope k s / (1 + (s omega)^2)."""
+    plant = load_ship("towing-tank").record()
+    by_hand = 0.9 * math.tanh(2.0 / 0.1) + 0.008 * 2.0 + 0.3 * math.atan(0.2 * 2.0)
+    assert friction_before_gauge(plant, 2.0) == pytest.approx(by_hand, rel=1e-12)
+    assert friction_before_gauge(plant, -2.0) == pytest.approx(-by_hand, rel=1e-12)
+    slope = complex(friction_before_gauge(plant, 30.0 + 1e-20j)).imag / 1e-20
+    assert slope == pytest.approx(0.008 + 0.3 * 0.2 / (1.0 + 36.0), rel=1e-9)
+    torque = drive_torque(plant, 5.0, 30.0)
+    assert torque == pytest.approx(5.0 - friction_before_gauge(plant, 30.0), rel=1e-12)
+    assert brake_torque_of(plant, torque, 30.0) == pytest.approx(5.0, rel=1e-12)
