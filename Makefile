@@ -49,6 +49,8 @@ results: $(INSTALLED)
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
 	$(BIN)/python -m shaftline.studies.loops --out docs/results
 	$(BIN)/python -m shaftline.studies.errata --out docs/results
+	$(BIN)/python -m shaftline.studies.adaptive_gains --out docs/results
+	$(BIN)/python -m shaftline.studies.towing_tank_observers --out docs/results
 	$(BIN)/python -m shaftline.studies.observer_ranking --out docs/results
 	$(BIN)/python -m shaftline.studies.observer_features --out docs/results
 	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png

@@ -27,7 +27,7 @@ from ..plant.shaft import inertia_behind_gauge, load_torque
 from ..plant.ship import Ship
 from .augmented import STEP
 from .base import TRACKED, Measurement, Observer, ObserverError
-from .torque_curve import AT_REST, highest_velocity, velocity_from_torque
+from .torque_curve import held_on_curve, velocity_from_torque
 
 _FOULING, _COULOMB, _VISCOUS = range(3)
 _CODES = {
@@ -210,7 +210,10 @@ class AugmentedKalman(Observer):
                 f"{self.name} cannot track {self.tracks}; it can: {', '.join(_CODES)}"
             )
         if not (ship.has_diesel and ship.moves):
-            raise ObserverError(f"{ship.name}: {self.name} needs a diesel ship that moves")
+            raise ObserverError(
+                f"{ship.name}: {self.name} needs a diesel ship that moves; prime_mover.type is "
+                f"{ship.prime_mover.type!r}, hull.fixed is {str(ship.hull.fixed).lower()}"
+            )
         plant = ship.record()
         torque = min(plant["torque_limit"], plant["torque_per_rack"] * plant["drive_max"])
         torque *= plant["gear_ratio"] * plant["transmission_efficiency"]
@@ -271,8 +274,8 @@ class AugmentedKalman(Observer):
         _corrected(x, p, innovation, observer.measurement)
         x[_NUMBER] = min(max(x[_NUMBER], observer.lowest), observer.highest)
         found = wake_inflow(ship, x[_SHIP]) + x[_INFLOW]
-        velocity = max(min(found, highest_velocity(ship, m.shaft_speed)), 0.0)
-        if explained and m.shaft_speed > AT_REST and found == velocity:
+        velocity, known = held_on_curve(ship, found, m.shaft_speed)
+        if explained and known:
             return velocity, True
         # off the torque curve, or where no inflow does this, nothing is learned of ship and number
         x[_SHIP], x[_NUMBER] = v, number

@@ -19,6 +19,7 @@ from ..plant.record import PLANT
 from ..plant.shaft import inertia_behind_gauge
 from ..plant.ship import Ship
 from ..plant.signals import SIGNALS
+from .torque_reading import believed
 
 OBSERVER = np.dtype(
     [
@@ -103,6 +104,8 @@ class Observer(ABC):
     """Dotted key of the number of the ship that it tracks too; empty for most."""
     reads_instruments: ClassVar[bool] = True
     """Whether a reading that cannot be true stops it: for all but the oracle."""
+    reads_torque: ClassVar[bool] = True
+    """Whether it asks the propeller's torque for the inflow."""
 
     @staticmethod
     @abstractmethod
@@ -139,20 +142,29 @@ class Observer(ABC):
                 f"{ship.name}: the observer {self.name!r} needs a propeller, whose inflow it "
                 "estimates, but propeller.model is 'none'"
             )
+        if self.reads_torque and ship.has_constant_coefficients:
+            raise ObserverError(
+                f"{ship.name}: the observer {self.name!r} needs a torque that goes by the inflow, but "
+                "propeller.model is 'bollard', one KQ for every inflow (allowed: b-series, "
+                "four-quadrant, table)"
+            )
         record = np.zeros(1, OBSERVER)[0]
         record["kind"] = self.kind
         record["reads_instruments"] = self.reads_instruments
         record["dt"] = dt
-        record["ship"] = ship.record()
+        record["ship"] = believed(ship)
         return record
 
     def inertia(self, ship: Ship) -> float:
-        """Inertia I_R [kg m2] of what turns behind the torque gauge, for observers that divide by it.
+        """Inertia I_R [kg m2] that the torque read has to accelerate, for observers that divide by it.
+
+        Behind the gauge; of an electric drive without one, the whole line
+        (:mod:`shaftline.observers.torque_reading`).
 
         Raises:
             ObserverError: it is 0.
         """
-        inertia = inertia_behind_gauge(ship.record())
+        inertia = inertia_behind_gauge(believed(ship))
         if not inertia > 0.0:
             raise ObserverError(
                 f"{ship.name}: the observer {self.name!r} needs the inertia behind the torque gauge, "

@@ -14,6 +14,7 @@ class NoObserver(Observer):
     """No estimate at all: 0 m/s, never valid."""
 
     name = "none"
+    reads_torque = False
 
     @staticmethod
     @compiled
@@ -28,6 +29,7 @@ class Oracle(Observer):
 
     name = "oracle"
     reads_instruments = False
+    reads_torque = False
 
     @staticmethod
     @compiled

@@ -10,9 +10,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..plant.columns import drive_column
 from ..plant.ship import Ship
 from .base import ESTIMATE, READINGS, TRACKED, Measurement, Observer, ObserverError
 from .registry import update
+from .torque_reading import read_at_drive, torque_of_current, torque_of_drive
 
 
 class Followed(NamedTuple):
@@ -102,17 +104,45 @@ def _followed(observer: Any, readings: NDArray[np.float64]) -> Followed:
     return found
 
 
-def readings_of(samples: NDArray[Any]) -> NDArray[np.float64]:
-    """The columns of :class:`Measurement` from simulated samples; shape (n, 5)."""
+def readings_of(samples: NDArray[Any], ship: Ship | None = None) -> NDArray[np.float64]:
+    """The columns of :class:`Measurement` from simulated samples; shape (n, 5).
+
+    Args:
+        samples: SAMPLE array of shape (n,), of :func:`shaftline.plant.simulate`.
+        ship: that was simulated. An electric drive without a torque gauge has its own torque read, less
+            friction (:mod:`shaftline.observers.torque_reading`); without a ship it is the gauge's.
+    """
+    shaft_speed, torque = samples["measured_shaft_speed"], samples["measured_shaft_torque"]
+    if ship is not None and read_at_drive(ship):
+        torque = torque_of_drive(ship, samples["brake_torque"], shaft_speed)
     return np.column_stack(
         [
-            samples["measured_shaft_speed"],
-            samples["measured_shaft_torque"],
+            shaft_speed,
+            torque,
             samples["measured_pitch_ratio"],
             samples["shaft_acceleration"],
             samples["advance_velocity"],
         ]
     )
+
+
+def _torque_read(ship: Ship, table: pd.DataFrame) -> Any:
+    """Torque [N m] of a table's rows, at the gauge or at the drive.
+
+    Raises:
+        ObserverError: the column is missing.
+    """
+    column = READINGS[1]
+    if read_at_drive(ship):
+        column = "motor_current_A" if ship.has_voltage else drive_column(ship)
+    if column not in table:
+        raise ObserverError(f"{ship.name}: an observer needs the column {column}")
+    torque = table[column].to_numpy(np.float64)
+    if not read_at_drive(ship):
+        return torque
+    if ship.has_voltage:
+        torque = torque_of_current(ship, torque)
+    return torque_of_drive(ship, torque, table[READINGS[0]].to_numpy(np.float64))
 
 
 def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.DataFrame:
@@ -121,20 +151,23 @@ def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.Data
     Args:
         observer: from :func:`get_observer`.
         ship: the ship as the observer believes it to be.
-        table: even time base; acceleration and true advance velocity may be missing.
+        table: even time base; acceleration and true advance velocity may be missing. An electric drive
+            without a torque gauge is read by ``motor_torque_N_m`` or ``motor_current_A``.
 
     Returns:
         The table with ``estimated_advance_velocity_m_s`` and ``estimate_valid`` (0 or 1); of an observer
         that tracks a number also ``estimated_KEY`` and ``estimated_KEY_sd``.
 
     Raises:
-        ObserverError: the ship lacks what the observer needs.
+        ObserverError: the ship or the table lacks what the observer needs.
     """
     unknown = np.full(len(table), np.nan)
-    *needed, acceleration = READINGS
+    shaft_speed, _, pitch, acceleration = READINGS
     readings = np.column_stack(
         [
-            *(table[name] for name in needed),
+            table[shaft_speed],
+            _torque_read(ship, table),
+            table[pitch],
             table.get(acceleration, unknown),
             table.get("advance_velocity_m_s", unknown),
         ]

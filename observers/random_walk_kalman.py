@@ -25,8 +25,7 @@ from ..plant.shaft import inertia_behind_gauge, shaft_inertia
 from ..plant.ship import Ship
 from .base import Measurement, Observer
 from .torque_curve import (
-    AT_REST,
-    highest_velocity,
+    held_on_curve,
     model_torque,
     torque_slopes,
     velocity_from_torque,
@@ -34,10 +33,10 @@ from .torque_curve import (
 
 
 @compiled
-def _corrected(estimate: Record, innovation: float, observer: Record) -> tuple[float, float]:
+def corrected(estimate: Record, innovation: float, measurement: float) -> tuple[float, float]:
     """Kalman correction of both states by an innovation of the first; updates the covariance."""
     p = estimate.covariance
-    total = p[0, 0] + observer.measurement
+    total = p[0, 0] + measurement
     k0 = p[0, 0] / total
     k1 = p[1, 0] / total
     p11 = p[1, 1] - k1 * p[0, 1]
@@ -50,15 +49,15 @@ def _corrected(estimate: Record, innovation: float, observer: Record) -> tuple[f
 
 
 @compiled
-def _propagated(estimate: Record, f00: float, f01: float, observer: Record) -> None:
-    """P+ = F P F' + Q with F = [[f00, f01], [0, 1]]."""
+def propagated(estimate: Record, f00: float, f01: float, q0: float, q1: float) -> None:
+    """P+ = F P F' + Q with F = [[f00, f01], [0, 1]] and Q = diag(q0, q1)."""
     p = estimate.covariance
     a00 = f00 * p[0, 0] + f01 * p[1, 0]
     a01 = f00 * p[0, 1] + f01 * p[1, 1]
-    p[0, 0] = a00 * f00 + a01 * f01 + observer.process[0]
+    p[0, 0] = a00 * f00 + a01 * f01 + q0
     p[0, 1] = a01
     p[1, 0] = a01
-    p[1, 1] = p[1, 1] + observer.process[1]
+    p[1, 1] = p[1, 1] + q1
 
 
 @compiled
@@ -80,11 +79,10 @@ def _believed(
     observer: Record, estimate: Record, m: Measurement, predicted: float, measured: float
 ) -> tuple[float, bool]:
     """Correct both states by the first one's reading; the velocity is held where the curve is known."""
-    dw, dv = _corrected(estimate, measured - predicted, observer)
-    v = estimate.x[1] + dv
+    dw, dv = corrected(estimate, measured - predicted, observer.measurement)
     estimate.x[0] = predicted + dw
-    estimate.x[1] = min(max(v, 0.0), highest_velocity(observer.ship, m.shaft_speed))
-    return estimate.x[1], m.shaft_speed > AT_REST and estimate.x[1] == v
+    estimate.x[1], valid = held_on_curve(observer.ship, estimate.x[1] + dv, m.shaft_speed)
+    return estimate.x[1], valid
 
 
 @dataclass(frozen=True)
@@ -129,7 +127,10 @@ class RandomWalkKalman(Observer):
         middle = w + 0.5 * dt * (torque - model_torque(ship, v, w, pitch)) / inertia
         by_speed, by_velocity = torque_slopes(ship, v, middle, pitch)
         predicted = w + dt * (torque - model_torque(ship, v, middle, pitch)) / inertia
-        _propagated(estimate, 1.0 - dt * by_speed / inertia, -dt * by_velocity / inertia, observer)
+        propagated(
+            estimate, 1.0 - dt * by_speed / inertia, -dt * by_velocity / inertia,
+            observer.process[0], observer.process[1],
+        )  # fmt: skip
         return _believed(observer, estimate, m, predicted, m.shaft_speed)
 
 
@@ -161,7 +162,7 @@ class PrintedRandomWalkKalman(RandomWalkKalman):
         a12 = -by_velocity / inertia
         drift = m.shaft_torque - model_torque(ship, v, m.shaft_speed, m.pitch_ratio)
         predicted = estimate.x[0] + dt * (a11 * estimate.x[0] + drift / inertia)
-        _propagated(estimate, 1.0 + dt * a11, dt * a12, observer)
+        propagated(estimate, 1.0 + dt * a11, dt * a12, observer.process[0], observer.process[1])
         return _believed(observer, estimate, m, predicted, 0.0)
 
 

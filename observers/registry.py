@@ -15,6 +15,7 @@ from .base import (
     pitch_is_known,
     remember,
 )
+from .torque_curve import told_by_torque
 
 _CLASSES = sorted(
     classes_in(__package__, Observer, but=("registry", "following")),  # type: ignore[type-abstract]
@@ -89,5 +90,10 @@ def update(observer: Record, estimate: Record, m: Measurement) -> float:
         estimate.valid = 0
         return float(estimate.advance_velocity)
     velocity, valid = _dispatch(observer, estimate, m)
+    if observer.reads_instruments != 0:
+        known = estimate.valid != 0 and estimate.shaft_speed * m.shaft_speed > 0.0
+        valid = valid and told_by_torque(
+            observer.ship, velocity, m.shaft_speed, m.pitch_ratio, known
+        )
     remember(estimate, m, velocity, valid and pitch_is_known(observer.ship, m.pitch_ratio))
     return velocity

@@ -4,6 +4,9 @@ CT*(beta) and CQ*(beta), beta = atan2(J, 0.7 pi), as 31-term Fourier series
 (Roddy, Hess & Faller, NSWCCD-50-TR-2006/004). The table holds no five-bladed propeller of variable
 pitch; a controllable-pitch propeller takes the B4-70 family at P/D 0.5 to 1.4, each member scaled so
 that KT and KQ at bollard pull are those of the ship's own B-series propeller.
+
+Where a shaft turns against the inflow (J = v_a / n D below 0) the two flows fight in a ring vortex, and
+KQ folds: from a peak near J = 0 it falls to a dip before it rises again; three inflows have one torque.
 """
 
 from __future__ import annotations
@@ -57,6 +60,48 @@ def scaled_to_bollard(
     return table
 
 
+def ring_vortex(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where KQ(J) folds, for both directions of rotation and each pitch node.
+
+    Args:
+        table: Fourier coefficients, shape (nodes, 31, 4).
+
+    Returns:
+        J [-] of the dip and of the peak, to 0.001, shape (2, nodes, 2); turning ahead stands first. KQ
+        falls with J above the peak and below the dip.
+
+    Raises:
+        ValueError: a curve that does not fold once.
+    """
+    j = np.arange(-1.0, 0.5, 1e-3)
+    ahead = np.arctan2(j, 0.7 * math.pi)
+    k = np.arange(HARMONICS)[:, None]
+    ends = np.empty((2, len(table), 2))
+    for side, beta in enumerate((ahead, ahead + math.pi)):
+        cq = table[:, :, 2] @ np.cos(k * beta) + table[:, :, 3] @ np.sin(k * beta)
+        kq = (1.0, -1.0)[side] * cq * (j * j + (0.7 * math.pi) ** 2)
+        for node, rises in enumerate(np.diff(kq) > 0.0):
+            turns = np.flatnonzero(np.diff(rises)) + 1
+            if len(turns) != 2:
+                raise ValueError(f"KQ of pitch node {node} has {len(turns)} turning points, not 2")
+            ends[side, node] = j[turns]
+    return ends
+
+
+@compiled
+def between_nodes(nodes: NDArray[np.float64], pitch_ratio: Real) -> tuple[int, Real]:
+    """The node below a pitch ratio, and how far that lies towards the next; held at the outer ones."""
+    i = 0
+    while i < len(nodes) - 2 and pitch_ratio.real > nodes[i + 1]:
+        i += 1
+    weight = (pitch_ratio - nodes[i]) / (nodes[i + 1] - nodes[i])
+    if weight.real < 0.0:
+        weight = 0.0
+    if weight.real > 1.0:
+        weight = 1.0
+    return i, weight
+
+
 @compiled
 def four_quadrant_coefficients(
     table: NDArray[np.float64],
@@ -83,15 +128,7 @@ def four_quadrant_coefficients(
     cos1 = tangential / resultant
     sin1 = velocity_per_diameter / resultant
 
-    i = 0
-    while i < len(nodes) - 2 and pitch_ratio.real > nodes[i + 1]:
-        i += 1
-    weight = (pitch_ratio - nodes[i]) / (nodes[i + 1] - nodes[i])
-    if weight.real < 0.0:
-        weight = 0.0
-    if weight.real > 1.0:
-        weight = 1.0
-
+    i, weight = between_nodes(nodes, pitch_ratio)
     cosk = 1.0
     sink = 0.0
     ct = 0.0

@@ -9,7 +9,13 @@ from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
-from .four_quadrant import PITCH_NODES, TABLE_SHAPE, four_quadrant_coefficients, scaled_to_bollard
+from .four_quadrant import (
+    PITCH_NODES,
+    TABLE_SHAPE,
+    four_quadrant_coefficients,
+    ring_vortex,
+    scaled_to_bollard,
+)
 from .keys import Section, effect, entry, number, require
 from .open_water import (
     CURVE_SHAPE,
@@ -45,6 +51,7 @@ class Propeller(Section):
         ("kq", np.float64, CURVE_SHAPE),
         ("four_quadrant_pitch", np.float64, (len(PITCH_NODES),)),
         ("four_quadrant", np.float64, TABLE_SHAPE),
+        ("ring_vortex", np.float64, (2, len(PITCH_NODES), 2)),
         ("advance_ratio_min", np.float64),
         ("advance_ratio_max", np.float64),
         *RECORD_FIELDS,
@@ -167,6 +174,7 @@ class Propeller(Section):
             record["four_quadrant"] = scaled_to_bollard(
                 powers @ record["kt"][:, 0], powers @ record["kq"][:, 0]
             )
+            record["ring_vortex"] = ring_vortex(record["four_quadrant"])
 
 
 @compiled

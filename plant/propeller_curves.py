@@ -1,8 +1,16 @@
-"""KT and KQ of a ship's propeller, whatever they come from, and the way back from KQ to J."""
+"""KT and KQ of a ship's propeller, whatever they come from, and the way back from KQ to J.
+
+KT and KQ over J are those of a shaft that turns ahead with the inflow. A four-quadrant propeller has
+curves for all else too; of a shaft that turns astern J and KQ are those in the direction of rotation.
+"""
 
 from __future__ import annotations
 
-from ..core.compiled import Real, Record, compiled
+import math
+
+from ..core.compiled import Real, Record, compiled, compiled_apart
+from ..core.numeric import begun_between, newton_step
+from .four_quadrant import between_nodes, four_quadrant_coefficients
 from .open_water import invert_torque_coefficient, open_water, open_water_slope
 from .open_water_table import invert_table, table_curve
 
@@ -42,19 +50,144 @@ def torque_coefficient_slope(plant: Record, advance_ratio: Real, pitch_ratio: Re
     return slope
 
 
-@compiled
-def advance_ratio_of(
-    plant: Record, torque_coefficient: float, pitch_ratio: float, guess: float
-) -> tuple[float, bool]:
-    """Advance ratio J at which the propeller has a KQ [-], and whether it lies on the falling branch.
+_STEP = 1e-30  # of the complex step
+
+FOLD_MARGIN = 0.05
+"""Share of KQ by which it must differ from the ends of the ring vortex's fold to be told from them."""
+
+
+@compiled_apart
+def torque_in_any_quadrant(
+    plant: Record, velocity_per_diameter: Real, revolutions: Real, pitch_ratio: Real
+) -> Real:
+    """KQ n |n| [1/s2] by the ship's four-quadrant curves, with ``astern_load_fraction``.
 
     Args:
         plant: ship record.
-        torque_coefficient: KQ [-] to be met.
+        velocity_per_diameter: v_a / D [1/s].
+        revolutions: n [1/s], either sign.
         pitch_ratio: P/D [-].
-        guess: start, for example the previous J.
     """
-    if plant.propeller_model == TABLE:
+    _, torque = four_quadrant_coefficients(
+        plant.four_quadrant,
+        plant.four_quadrant_pitch,
+        velocity_per_diameter,
+        revolutions,
+        pitch_ratio,
+    )
+    return torque if revolutions.real >= 0.0 else torque * plant.astern_load_fraction
+
+
+@compiled
+def _along(plant: Record, advance_ratio: Real, pitch_ratio: float, direction: float) -> Real:
+    """KQ = Q / (rho n |n| D^5) [-] at J = v_a / (n D), turning ahead (1) or astern (-1)."""
+    turned = torque_in_any_quadrant(plant, direction * advance_ratio, direction, pitch_ratio)
+    return direction * turned
+
+
+@compiled
+def _fold(plant: Record, pitch_ratio: float, direction: float) -> tuple[float, float]:
+    """J [-] of the ring vortex's dip and peak."""
+    i, weight = between_nodes(plant.four_quadrant_pitch, pitch_ratio)
+    ends = plant.ring_vortex[0 if direction > 0.0 else 1]
+    low, high = ends[i], ends[i + 1]
+    return low[0] + weight * (high[0] - low[0]), low[1] + weight * (high[1] - low[1])
+
+
+@compiled_apart
+def outside_ring_vortex(
+    plant: Record, advance_ratio: float, pitch_ratio: float, direction: float, known: bool
+) -> bool:
+    """Whether a shaft that turns with the inflow can be told from one that turns against it.
+
+    Args:
+        plant: ship record, of a four-quadrant propeller.
+        advance_ratio: J = v_a / (n D) [-], as estimated.
+        pitch_ratio: P/D [-].
+        direction: 1 where the shaft turns ahead, -1 astern.
+        known: whether it could be told shortly before.
+
+    Against the inflow (J < 0) the flow is a ring vortex, unsteady and of no use for an estimate:
+    zone 1 of Pivano et al. 2008, section 4.1. The torques of its fold are those of moderate J too: who
+    comes from there may trust them up to the fold's peak, who does not must wait for one below its dip.
+    """
+    dip, peak = _fold(plant, pitch_ratio, direction)
+    if not advance_ratio >= max(peak, 0.0):
+        return False
+    end = _along(plant, peak if known else dip, pitch_ratio, direction)
+    here = _along(plant, advance_ratio, pitch_ratio, direction)
+    return bool(here < (1.0 - FOLD_MARGIN) * end)
+
+
+@compiled_apart
+def _invert_four_quadrants(
+    plant: Record, torque_coefficient: float, pitch_ratio: float, guess: float, direction: float
+) -> tuple[float, bool]:
+    """J at which the four-quadrant curve has a KQ, on the falling branch nearest to the guess.
+
+    A KQ beyond those of the fold lies on one branch alone, which is then taken, whatever the guess. In
+    between, it is held at the branch's end where the branch does not reach it.
+    """
+    dip, peak = _fold(plant, pitch_ratio, direction)
+    least = _along(plant, dip, pitch_ratio, direction)
+    most = _along(plant, peak, pitch_ratio, direction)
+    if not (math.isfinite(torque_coefficient) and math.isfinite(most)):
+        return guess, False
+    if not math.isfinite(guess):
+        guess = 0.0
+    with_inflow = guess > 0.5 * (dip + peak)
+    if torque_coefficient > (1.0 + FOLD_MARGIN) * most:
+        with_inflow = False
+    if torque_coefficient < (1.0 - FOLD_MARGIN) * least:
+        with_inflow = True
+    if with_inflow and torque_coefficient >= most:
+        return peak, False
+    if not with_inflow and torque_coefficient <= least:
+        return dip, False
+    # the branches have no other end: double the bound until it lies beyond
+    low, high = peak, max(guess, 1.0)
+    if not with_inflow:
+        low, high = min(guess, -1.0), dip
+    for _ in range(60):
+        if with_inflow and _along(plant, high, pitch_ratio, direction) > torque_coefficient:
+            low, high = high, 2.0 * high
+        elif not with_inflow and _along(plant, low, pitch_ratio, direction) < torque_coefficient:
+            low, high = 2.0 * low, low
+        else:
+            break
+    j = begun_between(guess, low, high)
+    for _ in range(60):
+        value = _along(plant, j + 1j * _STEP, pitch_ratio, direction)
+        error, slope = value.real - torque_coefficient, value.imag / _STEP
+        following, low, high = newton_step(j, error, slope, low, high)
+        if abs(following - j) <= 1e-14 * max(1.0, abs(j)):
+            break
+        j = following
+    return following, following >= 0.0
+
+
+@compiled
+def advance_ratio_of(
+    plant: Record,
+    torque_coefficient: float,
+    pitch_ratio: float,
+    guess: float,
+    direction: float = 1.0,
+) -> tuple[float, bool]:
+    """Advance ratio J = v_a / (n D) at which the propeller has a KQ [-], and whether to trust it.
+
+    Args:
+        plant: ship record.
+        torque_coefficient: KQ = Q / (rho n |n| D^5) [-] to be met.
+        pitch_ratio: P/D [-].
+        guess: start, for example the previous J; of a four-quadrant curve it also chooses the branch.
+        direction: 1 where the shaft turns ahead; -1 astern, which four-quadrant curves alone know.
+
+    To be trusted it must lie on the falling branch from J = 0 on.
+    """
+    if plant.propeller_model == FOUR_QUADRANT:
+        j, valid = _invert_four_quadrants(plant, torque_coefficient, pitch_ratio, guess, direction)
+    elif plant.propeller_model == TABLE:
         j, valid = invert_table(plant, torque_coefficient, pitch_ratio, guess)
     else:
         j, valid = invert_torque_coefficient(plant.kq, torque_coefficient, pitch_ratio, guess)

@@ -11,6 +11,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from ..baselines.loop_shaping import COURSE_LOOP, TAYLOR, TAYLOR_GEAR, heading_plant, shaped
@@ -209,6 +210,36 @@ def _steering() -> list[Erratum]:
     ]
 
 
+def _optimiser() -> list[Erratum]:
+    tables = published("cpp_ferry_tables")
+    held = tables.loc["optimal"].set_index("condition")
+    plain = tables.loc["combinator"].set_index("condition")
+    speeds = held["ship_speed_m_s_before"] / held["ship_speed_m_s_after"]
+    powers = np.log(1.15) / np.log(speeds)
+    off = (plain["sfoc_g_kwh_before"] - held["sfoc_g_kwh_before"]).abs()
+    implied = 100.0 * (speeds**2 - 1.0)
+    return [
+        Erratum(
+            "optimiser",
+            "Table 2, speeds after the disturbance",
+            "resistance up by 15 % at a thrust that is held",
+            f"with a resistance that goes with the speed's square the speeds say {implied.min():.1f} to "
+            f"{implied.max():.1f} %; 15 % asks for powers of {powers.min():.2f} to {powers.max():.2f} "
+            "from the last lever to the first",
+            "the square; `hull.resistance_exponent` for a steeper hull",
+        ),
+        Erratum(
+            "optimiser",
+            "Tables 1 and 2, lever 5 before the disturbance",
+            "both controls start alike",
+            f"pitch {plain.loc[5, 'pitch_deg_before']:g} and {held.loc[5, 'pitch_deg_before']:g} deg, "
+            f"{plain.loc[5, 'sfoc_g_kwh_before']:g} and {held.loc[5, 'sfoc_g_kwh_before']:g} g/kWh at "
+            f"the same engine and ship speed; all five differ by up to {off.max():.1f} g/kWh",
+            "each table's own",
+        ),
+    ]
+
+
 def _others() -> list[Erratum]:
     ratio = 0.151 / 0.123
     return [
@@ -231,7 +262,7 @@ def _others() -> list[Erratum]:
 
 def errata() -> list[Erratum]:
     """All of them, by source."""
-    return [*_observers(), *_drive_train(), *_steering(), *_others()]
+    return [*_observers(), *_drive_train(), *_steering(), *_optimiser(), *_others()]
 
 
 def main() -> None:

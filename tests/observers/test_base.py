@@ -81,7 +81,7 @@ def test_inertia_is_that_behind_the_gauge() -> None:
     assert get_observer("luenberger").inertia(bare) == 1500.0  # entrained water alone
 
 
-@pytest.mark.parametrize("ship", ["tito-neri-sine", "tito-neri-staircase", "rov-thruster"])
+@pytest.mark.parametrize("ship", ["esso-osaka", "kvlcc2"])
 @pytest.mark.parametrize("name", DIVIDING)
 def test_without_inertia_behind_the_gauge_it_is_refused_by_name(ship: str, name: str) -> None:
     bare = get_observer(name).name
@@ -92,11 +92,25 @@ def test_without_inertia_behind_the_gauge_it_is_refused_by_name(ship: str, name:
 
 @pytest.mark.parametrize("name", [name for name in observer_names() if name not in DIVIDING])
 def test_the_others_do_without(name: str) -> None:
-    assert get_observer(name).discretise(load_ship("rov-thruster"), 0.05)["dt"] == 0.05
+    assert get_observer(name).discretise(load_ship("kvlcc2"), 0.05)["dt"] == 0.05
+
+
+@pytest.mark.parametrize("ship", ["tito-neri-sine", "tito-neri-staircase", "rov-thruster"])
+@pytest.mark.parametrize("name", observer_names())
+def test_a_torque_that_does_not_go_by_the_inflow_is_refused(ship: str, name: str) -> None:
+    observer, bollard = get_observer(name), load_ship(ship)
+    if observer.name in ("none", "oracle"):
+        assert observer.discretise(bollard, 0.05)["dt"] == 0.05
+        return
+    words = (
+        rf"{ship}: the observer '{observer.name}' .*propeller\.model is 'bollard'.*allowed: b-ser"
+    )
+    with pytest.raises(ObserverError, match=words):
+        observer.discretise(bollard, 0.05)
 
 
 def test_codes_go_by_the_kernels_name() -> None:
     kinds = {name: get_observer(name).kind for name in observer_names()}
     assert kinds["luenberger"] == kinds["luenberger-high"] == kinds["shaft-kalman"]
     assert kinds["random-walk-kalman"] != kinds["random-walk-kalman-printed"]
-    assert len(set(kinds.values())) == 10
+    assert len(set(kinds.values())) == 12

@@ -24,7 +24,7 @@ NAMES = [
     "shaft-kalman", "power-balance", "shaft-acceleration", "shaft-acceleration-derived",
     "immersion-invariance", "immersion-invariance-low", "immersion-invariance-moderate",
     "immersion-invariance-high", "random-walk-kalman", "random-walk-kalman-extended",
-    "random-walk-kalman-printed",
+    "random-walk-kalman-printed", "immersion-invariance-adaptive",
 ]  # fmt: skip
 STEADY = (10.0, Screw().torque(7.5, 10.0, 1.3), 1.3, 0.0, 7.5)
 
