@@ -33,7 +33,6 @@ WANTED_M_S = 0.1
 SEEDS = 10
 
 RIG = "towing-tank"
-"""File of the rig."""
 
 NAMES = (
     "power-balance", "shaft-acceleration", "shaft-acceleration-derived", "luenberger-low", "luenberger",

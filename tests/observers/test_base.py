@@ -113,4 +113,4 @@ def test_codes_go_by_the_kernels_name() -> None:
     kinds = {name: get_observer(name).kind for name in observer_names()}
     assert kinds["luenberger"] == kinds["luenberger-high"] == kinds["shaft-kalman"]
     assert kinds["random-walk-kalman"] != kinds["random-walk-kalman-printed"]
-    assert len(set(kinds.values())) == 12
+    assert len(set(kinds.values())) == 11

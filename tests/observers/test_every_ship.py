@@ -63,9 +63,10 @@ def test_it_follows_or_is_refused(ship_name: str, name: str) -> None:
     run = sailed(ship_name)
     velocity, valid = follow(observer, ship, readings_of(run, ship), ship.time_step_s)
     later = slice(len(run) // 4, None)
-    assert valid[later].all()
+    assert np.all(np.isfinite(velocity))
     if ship.propeller.diameter_m < 2.0 and name in OF_THE_FRIGATE:
         return
+    assert valid[later].all()
     truth = run["advance_velocity"][later]
     away = velocity[later] - truth
     assert np.sqrt(np.mean(away**2)) < LAGGING.get(name, 0.25) * np.std(truth)
