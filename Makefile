@@ -48,6 +48,7 @@ results: $(INSTALLED)
 	$(BIN)/shaftline manoeuvre --ship kvlcc2 --speed 1.18 --scale 45.7 --out out/kvlcc2
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
 	$(BIN)/python -m shaftline.studies.loops --out docs/results
+	$(BIN)/python -m shaftline.studies.ferry.engine_map --out docs/results
 	$(BIN)/python -m shaftline.studies.errata --out docs/results
 	$(BIN)/python -m shaftline.studies.adaptive_gains --out docs/results
 	$(BIN)/python -m shaftline.studies.towing_tank_observers --out docs/results
