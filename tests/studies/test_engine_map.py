@@ -8,6 +8,7 @@ import pytest
 from shaftline.plant import load_ship
 from shaftline.plant.fuel import specific_consumption
 from shaftline.studies.ferry import engine_map as study
+from shaftline.studies.ferry.lever_points import COMBINATOR
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def test_the_optimiser_comes_near_the_printed_pairs() -> None:
 
 def test_optima_are_stationary_points_of_the_fuel(known: study.States) -> None:
     """What the weight of the slopes is for: without it the fuel falls along equal thrust."""
-    best = np.array([name != study.COMBINATOR for name in known.table])
+    best = np.array([name != COMBINATOR for name in known.table])
 
     def steepest(coefficients: study.Floats) -> float:
         h, p, s = 1e-6, known.power, known.speed
