@@ -51,7 +51,7 @@ results: $(INSTALLED)
 	$(BIN)/python -m shaftline.studies.ferry.engine_map --out docs/results
 	$(BIN)/python -m shaftline.studies.errata --out docs/results
 	$(BIN)/python -m shaftline.studies.adaptive_gains --out docs/results
-	$(BIN)/python -m shaftline.studies.towing_tank_observers --out docs/results
+	$(BIN)/python -m shaftline.studies.towing_tank.observers --out docs/results
 	$(BIN)/python -m shaftline.studies.observer_ranking --out docs/results
 	$(BIN)/python -m shaftline.studies.observer_features --out docs/results
 	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png

@@ -3,7 +3,8 @@
 :func:`make_controller` gives one by name: the combinator, the CPP optimiser, the thrust controller with
 or without anti-spin, the speed pilot, the pitch law by the advance velocity. They are built with a ship,
 a control interval and options, and derive from :class:`Controller`. :class:`Governor` is the inner loop
-of several: it moves the rack.
+of several: it moves the rack. :class:`ThrustControl` is told a thrust instead of a speed and drives an
+electric motor.
 """
 
 from .anti_spin import AntiSpin, AntiSpinTuning
@@ -26,6 +27,7 @@ from .registry import (
 from .speed_pilot import SpeedPilot
 from .steady_points import SteadyPoint, steady_point
 from .steering import SteeringController
+from .thrust_control import ThrustControl, ThrustControlTuning
 from .track_keeper import TrackKeeper
 from .va_pitch import VaPitch
 
@@ -47,6 +49,8 @@ __all__ = [
     "SpeedPilot",
     "SteadyPoint",
     "SteeringController",
+    "ThrustControl",
+    "ThrustControlTuning",
     "TrackKeeper",
     "VaPitch",
     "combinator_curve",

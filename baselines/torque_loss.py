@@ -2,8 +2,9 @@
 
 The paper ("A four-quadrant thrust controller for marine propellers with loss estimation and
 anti-spin", eqs. 1 to 13) puts a fixed-pitch propeller behind an electric motor whose torque is known.
-Here the known torque is the shaft gauge's, so the inertia is what turns behind the gauge alone, and
-the propeller's torque at zero advance follows the measured pitch.
+The known torque is the shaft gauge's where there is one, so that the inertia is what turns behind the
+gauge alone; else, as in the paper, it is the torque of an electric drive, which has the whole line and
+its friction to bear. The propeller's torque at zero advance follows the measured pitch.
 """
 
 from __future__ import annotations
@@ -16,14 +17,18 @@ import numpy as np
 
 from ..core.compiled import Record, compiled
 from ..observers.torque_curve import model_torque
+from ..observers.torque_reading import believed, read_at_drive
+from ..plant.propeller_curves import FOUR_QUADRANT
 from ..plant.record import PLANT
-from ..plant.shaft import friction_torque, inertia_behind_gauge
+from ..plant.shaft import arctangent_friction, friction_torque, inertia_behind_gauge
 from ..plant.ship import Ship
 
 TORQUE_LOSS_OBSERVER = np.dtype(
     [
         ("dt", np.float64),  # [s]
-        ("inertia", np.float64),  # J_m, behind the gauge [kg m2]
+        ("whole_line", np.int64),  # whether the torque is the drive's, for want of a gauge
+        ("inertia", np.float64),  # J_m, behind the place where the torque is known [kg m2]
+        ("viscous", np.float64),  # k_f2 there [N m s/rad]
         ("speed_gain", np.float64),  # l1 [N m s/rad]
         ("loss_gain", np.float64),  # l2 [N m/rad]
         ("time_constant", np.float64),  # tau [s]
@@ -112,11 +117,15 @@ class TorqueLossObserver:
         """
         if not (math.isfinite(dt) and dt > 0.0):
             raise ValueError(f"torque-loss observer: time step {dt} s must be positive")
-        plant = ship.record()
+        plant = believed(ship)
         record = np.zeros(1, TORQUE_LOSS_OBSERVER)[0]
         inertia = inertia_behind_gauge(plant)
         record["dt"] = dt
+        record["whole_line"] = read_at_drive(ship)
         record["inertia"] = inertia
+        record["viscous"] = plant["viscous_propeller_side"]
+        if read_at_drive(ship):
+            record["viscous"] += plant["viscous_engine_side"]
         record["speed_gain"] = self.speed_rate * inertia
         record["loss_gain"] = self.loss_rate * inertia
         record["time_constant"] = self.time_constant_s
@@ -126,37 +135,59 @@ class TorqueLossObserver:
             float(record["loss_gain"]),
             self.time_constant_s,
             inertia,
-            float(plant["viscous_propeller_side"]),
+            float(record["viscous"]),
         )
         return record
 
 
 @compiled
-def bollard_gain(ship: Record, pitch_ratio: float) -> float:
-    """G_Qp [N m s2/rad2] of the torque G_Qp omega^2 at zero advance speed (eqs. 3 and 16).
-
-    One value for both directions of rotation: the diesel turns the shaft ahead only.
-    """
-    return model_torque(ship, 0.0, 1.0, pitch_ratio)
+def direction_of(ship: Record, shaft_speed: float) -> float:
+    """Direction of rotation by a shaft speed or torque: 1 ahead; -1 astern in four quadrants alone."""
+    return -1.0 if shaft_speed < 0.0 and ship.propeller_model == FOUR_QUADRANT else 1.0
 
 
 @compiled
-def shaft_load(ship: Record, pitch_ratio: float, shaft_speed: float) -> float:
-    """Psi [N m]: propeller torque without losses plus Coulomb friction (eq. 6).
+def bollard_gain(ship: Record, pitch_ratio: float, direction: float = 1.0) -> float:
+    """G_Q [N m s2/rad2] of the torque G_Q omega |omega| at zero advance speed (eqs. 3, 7 and 16).
 
-    Coulomb friction is the plant's tanh instead of the paper's arc tangents; both are monotone.
+    G_Qp ahead and G_Qn astern; one value for both where the ship has no curves of a shaft astern.
     """
-    propeller = bollard_gain(ship, pitch_ratio) * abs(shaft_speed) * shaft_speed
-    return float(propeller + friction_torque(ship, ship.coulomb_propeller_side, 0.0, shaft_speed))
+    return direction * model_torque(ship, 0.0, direction, pitch_ratio)
+
+
+@compiled
+def dry_friction(observer: Record, shaft_speed: float) -> float:
+    """Friction [N m] beside the viscous one, behind the place where the torque is known (eq. 2).
+
+    Coulomb friction is the plant's tanh instead of the paper's arc tangent; both are monotone.
+    """
+    ship = observer.ship
+    torque = friction_torque(ship, ship.coulomb_propeller_side, 0.0, shaft_speed)
+    if observer.whole_line != 0:
+        torque += friction_torque(ship, ship.coulomb_engine_side, 0.0, shaft_speed)
+        torque += arctangent_friction(ship, shaft_speed)
+    return float(torque)
+
+
+@compiled
+def shaft_load(observer: Record, pitch_ratio: float, shaft_speed: float) -> float:
+    """Psi [N m]: propeller torque without losses plus dry friction (eq. 6).
+
+    Args:
+        observer: TORQUE_LOSS_OBSERVER record.
+        pitch_ratio: P/D [-].
+        shaft_speed: omega [rad/s].
+    """
+    gain = bollard_gain(observer.ship, pitch_ratio, direction_of(observer.ship, shaft_speed))
+    return gain * abs(shaft_speed) * shaft_speed + dry_friction(observer, shaft_speed)
 
 
 @compiled
 def estimated_propeller_torque(ship: Record, estimate: Record) -> float:
     """Propeller torque Q_p-hat [N m] from the two estimates (eq. 13)."""
     omega = estimate.shaft_speed
-    return float(
-        bollard_gain(ship, estimate.pitch_reading) * abs(omega) * omega + estimate.torque_loss
-    )
+    gain = bollard_gain(ship, estimate.pitch_reading, direction_of(ship, omega))
+    return float(gain * abs(omega) * omega + estimate.torque_loss)
 
 
 @compiled
@@ -169,32 +200,31 @@ def update_torque_loss(
         observer: TORQUE_LOSS_OBSERVER record.
         estimate: TORQUE_LOSS record, all zeros before the first sample.
         shaft_speed: omega, measured [rad/s].
-        shaft_torque: Q_m, measured at the gauge [N m].
+        shaft_torque: Q_m at the gauge, or of the drive and at the propeller shaft [N m].
         pitch_ratio: P/D, measured [-].
 
     Trapezoidal rule, implicit in both estimates: an explicit one is unstable at 0.5 s. The loss enters
     linearly and is eliminated; what is left, B omega + A |omega| omega = R with A >= 0 and (under A1
-    and A2) B > 1, has one root, in closed form. Coulomb friction is taken at the measured speed.
+    and A2) B > 1, has one root, in closed form. Dry friction is taken at the measured speed.
     """
     ship = observer.ship
-    viscous = ship.viscous_propeller_side
+    viscous = observer.viscous
     l1, l2 = observer.speed_gain, observer.loss_gain
-    coulomb = friction_torque(ship, ship.coulomb_propeller_side, 0.0, shaft_speed)
+    friction = dry_friction(observer, shaft_speed)
     if estimate.started == 0:
         # as if this sample had stood for ever
         estimate.shaft_speed = shaft_speed
-        load = shaft_load(ship, pitch_ratio, shaft_speed) + viscous * shaft_speed
+        load = shaft_load(observer, pitch_ratio, shaft_speed) + viscous * shaft_speed
         estimate.torque_loss = shaft_torque - load
     else:
         half = 0.5 * observer.dt
         share = half / observer.inertia
         omega, loss = estimate.shaft_speed, estimate.torque_loss
         error = estimate.speed_reading - omega
-        bollard = bollard_gain(ship, estimate.pitch_reading) * abs(omega) * omega
-        coulomb_before = friction_torque(
-            ship, ship.coulomb_propeller_side, 0.0, estimate.speed_reading
-        )
-        before = estimate.torque_reading - bollard - coulomb_before - viscous * omega - loss
+        gain = bollard_gain(ship, estimate.pitch_reading, direction_of(ship, omega))
+        friction_before = dry_friction(observer, estimate.speed_reading)
+        before = estimate.torque_reading - gain * abs(omega) * omega - friction_before
+        before = before - viscous * omega - loss
         before += l1 * error
         # Delta_q+ = loss_free - follow omega+
         damping = 1.0 / (1.0 + half / observer.time_constant)
@@ -202,8 +232,8 @@ def update_torque_loss(
         loss_free *= damping
         follow = damping * half * l2
         linear = 1.0 + share * (viscous + l1 - follow)
-        square = share * bollard_gain(ship, pitch_ratio)
-        right = omega + share * (before + shaft_torque - coulomb + l1 * shaft_speed - loss_free)
+        right = omega + share * (before + shaft_torque - friction + l1 * shaft_speed - loss_free)
+        square = share * bollard_gain(ship, pitch_ratio, direction_of(ship, right))
         root = math.sqrt(linear * linear + 4.0 * square * abs(right))
         following = 2.0 * right / (linear + root)
         estimate.shaft_speed = following

@@ -21,7 +21,7 @@ import numpy as np
 from ..core.compiled import Record, compiled
 from ..observers.torque_curve import model_torque, velocity_from_torque
 from ..plant.hull import wake_inflow
-from .torque_loss import bollard_gain
+from .torque_loss import bollard_gain, direction_of
 
 _LEAST_NOMINAL = 0.05
 """Share of the bollard torque below which the nominal torque says nothing: the propeller idles."""
@@ -121,9 +121,10 @@ def torque_ratio(
         1 where nothing is missing; also 1 where the nominal torque is too small to compare with.
     """
     blend = math.exp(-detector.blend_gain * abs(shaft_speed) ** detector.blend_power)
+    direction = direction_of(ship, shaft_speed)
     nominal = model_torque(ship, wake_inflow(ship, ship_speed), shaft_speed, pitch_ratio)
-    bollard = bollard_gain(ship, pitch_ratio) * shaft_speed * shaft_speed
-    if not nominal > _LEAST_NOMINAL * bollard:
+    bollard = bollard_gain(ship, pitch_ratio, direction) * shaft_speed * shaft_speed
+    if not direction * nominal > _LEAST_NOMINAL * bollard:
         return 1.0
     return float(blend + (1.0 - blend) * propeller_torque / nominal)
 
@@ -134,6 +135,8 @@ def excess_inflow(
 ) -> float:
     """Inflow beyond the calm one (1 - w) v_s [m/s] that would explain a torque without air.
 
+    Positive where it takes torque: of a shaft that turns astern, as the flow goes astern.
+
     Args:
         ship: PLANT record of the ship as believed.
         propeller_torque: Q_p-hat [N m].
@@ -143,7 +146,7 @@ def excess_inflow(
     """
     calm = wake_inflow(ship, ship_speed)
     told, _ = velocity_from_torque(ship, propeller_torque, shaft_speed, pitch_ratio, calm)
-    return float(told - calm)
+    return float(direction_of(ship, shaft_speed) * (told - calm))
 
 
 @compiled

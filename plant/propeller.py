@@ -251,7 +251,8 @@ def propeller_load(
         drag = plant.propeller_roughness * plant.blade_solidity * n2
         kt_n2 = kt_n2 - 0.3 * pitch_ratio * drag
         kq_n2 = kq_n2 + 0.25 * drag
-    deep_kt = kt_n2 / (n * n + MIN_REVOLUTIONS * MIN_REVOLUTIONS)
+    along = kt_n2 if n.real >= 0.0 else -kt_n2
+    deep_kt = along / (n * n + MIN_REVOLUTIONS * MIN_REVOLUTIONS)
     if plant.cavitation_breakdown != 0.0:
         loss = cavitation_loss(plant, n, submergence)
         kt_n2 = kt_n2 * (1.0 - loss)

@@ -78,11 +78,35 @@ def torque_in_any_quadrant(
     return torque if revolutions.real >= 0.0 else torque * plant.astern_load_fraction
 
 
+@compiled_apart
+def coefficients_along(
+    plant: Record, advance_ratio: Real, pitch_ratio: float, direction: float
+) -> tuple[Real, Real]:
+    """KT = T / (rho n |n| D^4) and KQ = Q / (rho n |n| D^5) [-], turning ahead (1) or astern (-1).
+
+    Args:
+        plant: ship record; four-quadrant curves alone know a shaft that turns astern.
+        advance_ratio: J = v_a / (n D) [-].
+        pitch_ratio: P/D [-].
+        direction: of rotation.
+    """
+    if plant.propeller_model == FOUR_QUADRANT:
+        thrust, torque = four_quadrant_coefficients(
+            plant.four_quadrant,
+            plant.four_quadrant_pitch,
+            direction * advance_ratio,
+            direction,
+            pitch_ratio,
+        )
+        share = 1.0 if direction > 0.0 else plant.astern_load_fraction
+        return direction * share * thrust, direction * share * torque
+    kt = thrust_coefficient(plant, advance_ratio, pitch_ratio)
+    return kt, torque_coefficient(plant, advance_ratio, pitch_ratio)
+
+
 @compiled
 def _along(plant: Record, advance_ratio: Real, pitch_ratio: float, direction: float) -> Real:
-    """KQ = Q / (rho n |n| D^5) [-] at J = v_a / (n D), turning ahead (1) or astern (-1)."""
-    turned = torque_in_any_quadrant(plant, direction * advance_ratio, direction, pitch_ratio)
-    return direction * turned
+    return coefficients_along(plant, advance_ratio, pitch_ratio, direction)[1]
 
 
 @compiled

@@ -95,19 +95,22 @@ def quadratic_drag(plant: Record, shaft_speed: Real) -> Real:
 
 
 @compiled
-def friction_before_gauge(plant: Record, shaft_speed: Real) -> Real:
-    """Friction [N m] between prime mover and torque gauge, at the propeller shaft.
+def arctangent_friction(plant: Record, shaft_speed: Real) -> Real:
+    """Torque k atan(s omega) [N m] of seals and bearings whose friction grows with speed only at first.
 
-    Coulomb and viscous friction, and k atan(s omega) of seals and bearings whose friction grows with
-    speed only at first (Pivano et al. 2008, eq. 2, whose first term is Coulomb friction here).
+    It is the last term of eq. 2 of Pivano et al. 2008, whose first one is Coulomb friction here.
     """
+    return plant.arctangent_friction * np.arctan(plant.arctangent_slope * shaft_speed)
+
+
+@compiled
+def friction_before_gauge(plant: Record, shaft_speed: Real) -> Real:
+    """Friction [N m] between prime mover and torque gauge, at the propeller shaft."""
     torque = friction_torque(
         plant, plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
     )
     if plant.arctangent_friction != 0.0:
-        torque = torque + plant.arctangent_friction * np.arctan(
-            plant.arctangent_slope * shaft_speed
-        )
+        torque = torque + arctangent_friction(plant, shaft_speed)
     return torque
 
 

@@ -73,7 +73,8 @@ def ventilation_state(
         plant: ship record.
         ventilated: state before.
         submergence: depth h of the propeller's centre [m].
-        thrust_coefficient: KT [-] that the propeller would have without air.
+        thrust_coefficient: KT [-] that the propeller would have without air, in the direction of
+            rotation: one that is driven by the flow draws none in.
     """
     relative = 2.0 * submergence / plant.diameter
     shift = plant.ventilation_loading_gain * thrust_coefficient

@@ -242,6 +242,7 @@ def _optimiser() -> list[Erratum]:
 
 def _others() -> list[Erratum]:
     ratio = 0.151 / 0.123
+    with_it, without = 0.151 * 290.0 / 79.2, 0.123 * 378.0 / 89.1
     return [
         Erratum(
             "anti-spin",
@@ -256,6 +257,21 @@ def _others() -> list[Erratum]:
             "an inequality in omega_d",
             "it holds for omega > 0 alone; astern it has to be mirrored",
             "both directions",
+        ),
+        Erratum(
+            "anti-spin",
+            "Table 1, eta_E",
+            "the same carriage in both tests",
+            f"eta_E P / T, the carriage's speed weighted by thrust, is {with_it:.3f} m/s with and "
+            f"{without:.3f} m/s without anti-spin, a factor of {with_it / without:.2f} of the 1.23",
+            "one programme for both",
+        ),
+        Erratum(
+            "anti-spin",
+            "section 5, shaft speed without anti-spin",
+            "almost double",
+            f"75 against 45 and 54 rad/s allow {75.0 / 45.0:.2f} ahead and {75.0 / 54.0:.2f} astern",
+            "the limits",
         ),
     ]
 

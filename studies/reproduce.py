@@ -15,12 +15,15 @@ from .augmented_filter import results as filter_results
 from .ferry import levers
 from .ferry.lever_tables import against_combinator
 from .reproduced import Cells, Make, Reproduced, Tick
+from .side_by_side import Page, reasons, table
 from .steering import page as steering_page
 from .steering import results as steering_results
 from .storms import page as storm_page
 from .storms import results as storm_results
 from .thesis import tables as thesis_tables
 from .tito_neri import identification_page
+from .towing_tank import page as towing_tank_page
+from .towing_tank import results as towing_tank_results
 
 
 def reproduce_storms(folder: Path, tick: Tick) -> Reproduced:
@@ -51,15 +54,15 @@ def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
     """Table 5 of the identification paper, its Bode figures, and its methods on known truth."""
     found = identification_page.gathered(tick)
     identification_page.write(folder, found)
-    table = found.table_five
+    five = found.table_five
     numbers = {
         str(name): dict(zip(part["parameter"], map(float, part["ours"]), strict=True))
-        for name, part in table.groupby("set", sort=False)
+        for name, part in five.groupby("set", sort=False)
     }
     return Reproduced(
         "Drive train of Tito Neri (Table 5)",
-        table.assign(ours=[f"{value:.4g}" for value in table["ours"]],
-                     printed=[f"{value:.3g}" for value in table["printed"]]),
+        five.assign(ours=[f"{value:.4g}" for value in five["ours"]],
+                    printed=[f"{value:.3g}" for value in five["printed"]]),
         "- see the page: rounding of Table 4, and poles read off a plot",
         {"table-5": numbers},
     )  # fmt: skip
@@ -89,8 +92,8 @@ def reproduce_destroyer(folder: Path, tick: Tick) -> Reproduced:
     return _page("destroyer", destroyer_page.TITLE, destroyer_page.page(tick), folder)
 
 
-def _page(name: str, title: str, page: steering_page.Page, folder: Path) -> Reproduced:
-    shown = steering_page.table(page.rows)
+def _page(name: str, title: str, page: Page, folder: Path) -> Reproduced:
+    shown = table(page.rows)
     write_table(
         folder, name, title, f"shaftline reproduce {name}", pd.DataFrame(page.rows), page.body
     )
@@ -99,7 +102,7 @@ def _page(name: str, title: str, page: steering_page.Page, folder: Path) -> Repr
     off = [row for row in page.rows if not row.met]
     lost = sum(not row.why for row in off)
     cells = Cells(len(page.rows) - len(off), len(off) - lost, lost)
-    return Reproduced(title, shown, steering_page.reasons(page.rows), page.numbers, cells)
+    return Reproduced(title, shown, reasons(page.rows), page.numbers, cells)
 
 
 def reproduce_autopilot(folder: Path, tick: Tick) -> Reproduced:
@@ -113,9 +116,16 @@ def reproduce_track(folder: Path, tick: Tick) -> Reproduced:
     return _page("track", steering_page.TRACK_TITLE, steering_page.track(tick), folder)
 
 
+def reproduce_towing_tank(folder: Path, tick: Tick) -> Reproduced:
+    """Table 1 of the anti-spin paper on its own rig, Figures 3 to 6."""
+    found = towing_tank_page.page(towing_tank_results.measured(tick))
+    return _page("towing-tank", towing_tank_page.TITLE, found, folder)
+
+
 TABLES: dict[str, tuple[Make, int]] = {
     **thesis_tables.TABLES,
     "storms": (reproduce_storms, storm_results.TICKS),
+    "towing-tank": (reproduce_towing_tank, towing_tank_results.TICKS),
     "levers": (reproduce_levers, levers.TICKS),
     "tito-neri": (reproduce_tito_neri, identification_page.TICKS),
     "augmented-filter": (reproduce_augmented_filter, filter_results.TICKS),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import functools
 from importlib import resources
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 UNEXPLAINED = "not explained"
 """Where a number differs and no reason is known."""
@@ -86,3 +87,46 @@ def reasons_text(comparison: pd.DataFrame) -> str:
         where = ", ".join(f"{c.row} / {c.column}" for c in cells.itertuples())
         lines.append(f"- {why} ({where})")
     return "\n".join(lines) or "- no cell differs by more than the tolerance"
+
+
+class Row(NamedTuple):
+    """A number beside the print."""
+
+    key: str
+    what: str
+    ours: float
+    printed: str
+    low: float
+    high: float
+    why: str = ""  # it differs, or what it rests on
+
+    @property
+    def met(self) -> bool:
+        """Whether it lies where the print allows it."""
+        return self.low <= self.ours <= self.high
+
+
+class Page(NamedTuple):
+    """A page's parts."""
+
+    rows: list[Row]
+    body: str
+    figures: dict[str, Figure]
+    numbers: dict[str, Any]
+
+
+def table(rows: list[Row]) -> pd.DataFrame:
+    """Rows as a table: quantity, ours, printed, whether it is met."""
+    return pd.DataFrame(
+        {
+            "quantity": [row.what for row in rows],
+            "ours": [f"{row.ours:.4g}" for row in rows],
+            "printed": [row.printed for row in rows],
+            "met": ["yes" if row.met else "no" for row in rows],
+        }
+    )
+
+
+def reasons(rows: list[Row]) -> str:
+    """Why numbers differ, or what they rest on."""
+    return "\n".join(f"- {row.what}: {row.why}" for row in rows if row.why)

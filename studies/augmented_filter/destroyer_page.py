@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
 from ...display.tables import markdown
-from ..steering.page import Page, Row, reasons, table
+from ..side_by_side import Page, Row, reasons, table
 from . import destroyer
 from .destroyer import HEADLINE, KEPT, LENGTHS, SEEDS, Results
 from .zig_zag import COEFFICIENTS

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
 from ...display.tables import markdown
-from ..steering.page import Page, Row, reasons, table
+from ..side_by_side import Page, Row, reasons, table
 from . import esso_osaka
 from .esso_osaka import MINUTES, SEEDS, Results
 from .zig_zag import COEFFICIENTS, STEP_S

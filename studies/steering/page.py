@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,53 +14,11 @@ from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
 from ...display.loops import loop_figure
 from ...display.manoeuvres import outline
 from ...display.tables import markdown
+from ..side_by_side import Page, Row, reasons, table
 from . import results, voyages
 
 AUTOPILOT_TITLE = "Autopilot by loop shaping (Taylor 2000, section 5.2)"
 TRACK_TITLE = "Cross-track controller by loop shaping (Taylor 2000, section 5.3)"
-
-
-class Row(NamedTuple):
-    """A number beside the print."""
-
-    key: str
-    what: str
-    ours: float
-    printed: str
-    low: float
-    high: float
-    why: str = ""  # it differs, or what it rests on
-
-    @property
-    def met(self) -> bool:
-        """Whether it lies where the print allows it."""
-        return self.low <= self.ours <= self.high
-
-
-class Page(NamedTuple):
-    """A page's parts."""
-
-    rows: list[Row]
-    body: str
-    figures: dict[str, Figure]
-    numbers: dict[str, Any]
-
-
-def table(rows: list[Row]) -> pd.DataFrame:
-    """Rows as a table: quantity, ours, printed, whether it is met."""
-    return pd.DataFrame(
-        {
-            "quantity": [row.what for row in rows],
-            "ours": [f"{row.ours:.4g}" for row in rows],
-            "printed": [row.printed for row in rows],
-            "met": ["yes" if row.met else "no" for row in rows],
-        }
-    )
-
-
-def reasons(rows: list[Row]) -> str:
-    """Why numbers differ, or what they rest on."""
-    return "\n".join(f"- {row.what}: {row.why}" for row in rows if row.why)
 
 
 def autopilot(tick: Callable[[], None]) -> Page:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.baselines.anti_spin import AntiSpin, AntiSpinTuning, check_gains
+from shaftline.baselines.anti_spin import AntiSpin, AntiSpinTuning
 from shaftline.baselines.combinator import combinator_curve
+from shaftline.baselines.thrust_law import check_gains
 from shaftline.baselines.torque_loss import TorqueLossObserver
 from shaftline.baselines.ventilation_detection import (
     VentilationDetector,
@@ -65,15 +66,15 @@ def test_gains_within_the_conditions_pass(gains: tuple[float, float, float]) -> 
     ],
 )
 def test_bad_tuning_is_refused(frigate: Ship, change: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"anti-spin|observer|detector"):
+    with pytest.raises(ValueError, match=r"anti-spin|thrust law|observer|detector"):
         AntiSpin(frigate, tuning=replace(AntiSpinTuning(), **change))
 
 
 def test_numbers_of_the_tuning_go_by_name(frigate: Ship) -> None:
     settings = AntiSpin(frigate, ventilated_speed=0.8, sea_margin=3.0, speed_rate=9.0).settings
     assert settings["ventilated_speed"] == 0.8
-    assert settings["detector"]["sea_margin"] == 3.0
-    assert settings["observer"]["speed_gain"] == 9.0 * settings["observer"]["inertia"]
+    assert settings["law"]["detector"]["sea_margin"] == 3.0
+    assert settings["law"]["observer"]["speed_gain"] == 9.0 * settings["law"]["observer"]["inertia"]
     with pytest.raises(TypeError, match="nonsense"):
         AntiSpin(frigate, nonsense=1.0)
 
@@ -126,7 +127,7 @@ def test_a_fixed_pitch_is_taken(frigate: Ship) -> None:
 
 def test_filter_is_the_papers(frigate: Ship) -> None:
     tuning = AntiSpinTuning(cutoff_rad_s=1.5, damping=1.0)
-    turn = AntiSpin(frigate, 0.5, tuning=tuning).settings["filter"]
+    turn = AntiSpin(frigate, 0.5, tuning=tuning).settings["law"]["filter"]
     # a critically damped filter: what is left of a step after t is (1 + w t) exp(-w t)
     assert turn[0, 0] == pytest.approx((1.0 + 0.75) * math.exp(-0.75))
     assert turn[0, 1] == pytest.approx(0.5 * math.exp(-0.75))
@@ -196,10 +197,14 @@ def test_settings_are_the_tunings_over_the_ships_numbers() -> None:
         "integral": 0.05 * inertia, "highest_advance": 0.8, "ventilated_speed": 0.92,
         "speed_min": 350.0 * math.pi / 30.0 / 7.38, "speed_max": 0.9 * 1000.0 * math.pi / 30.0 / 7.38,
     }  # fmt: skip
+    law = settings["law"]
     for name, value in expected.items():
-        assert settings[name] == pytest.approx(value, rel=1e-12), name
-    assert settings["observer"]["dt"] == settings["detector"]["dt"] == 0.25
-    assert AntiSpinTuning() == AntiSpinTuning(0.1, 0.6, 0.05, 1.5, 1.0, 0.92, 1.0, 0.9)
+        found = (settings if name == "ventilated_speed" else law)[name]
+        assert found == pytest.approx(value, rel=1e-12), name
+    assert law["observer"]["dt"] == law["detector"]["dt"] == 0.25
+    assert AntiSpinTuning() == AntiSpinTuning(
+        0.1, 0.6, 0.05, 1.5, 1.0, 0.9, ventilated_speed=0.92, top_speed=1.0
+    )
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])

@@ -9,13 +9,8 @@ import numpy as np
 import pytest
 
 from shaftline.baselines.anti_spin import AntiSpin
-from shaftline.baselines.anti_spin_kernel import (
-    ANTI_SPIN_MEMORY,
-    control_all,
-    desired_speed,
-    gauge_jump,
-    thrust_per_torque,
-)
+from shaftline.baselines.anti_spin_kernel import ANTI_SPIN_MEMORY, control_all, gauge_jump
+from shaftline.baselines.thrust_law_kernel import desired_speed, thrust_per_torque
 from shaftline.baselines.torque_loss import TORQUE_LOSS, bollard_gain, shaft_load
 from shaftline.observers.torque_curve import model_torque
 from shaftline.plant import Ship, equilibrium, load_ship
@@ -53,7 +48,7 @@ def test_gauge_jumps_with_the_fuel_as_the_plant_says(frigate: Ship) -> None:
 
 
 def test_thrust_per_torque_is_the_propellers(frigate: Ship) -> None:
-    plant, settings = frigate.record(), AntiSpin(frigate).settings
+    plant, settings = frigate.record(), AntiSpin(frigate).settings["law"]
     for j in (0.2, 0.7, 1.1):
         torque = model_torque(plant, j * 4.2 * 10.0 / (2.0 * math.pi), 10.0, 1.4)
         expected = open_water(plant["kt"], j, 1.4) / (4.2 * open_water(plant["kq"], j, 1.4))
@@ -65,7 +60,7 @@ def test_thrust_per_torque_is_the_propellers(frigate: Ship) -> None:
 
 
 def test_thrust_per_torque_from_bollard_to_the_working_ranges_end(controller: AntiSpin) -> None:
-    plant, settings = ROUGH.record(), controller.settings
+    plant, settings = ROUGH.record(), controller.settings["law"]
 
     def gain(j: float, pitch: float) -> float:
         kt, kq = open_water(plant["kt"], j, pitch), open_water(plant["kq"], j, pitch) / 0.98
@@ -102,16 +97,16 @@ def test_desired_speed_gives_the_thrust_despite_the_loss(
     controller: AntiSpin, thrust: float, loss: float
 ) -> None:
     estimate = estimate_of(10.0, loss, 1.3)
-    found = desired_speed(controller.settings, estimate, thrust, 1.3)
-    assert found == pytest.approx(desired(controller.settings, estimate, thrust, 1.3))
+    found = desired_speed(controller.settings["law"], estimate, thrust, 1.3)
+    assert found == pytest.approx(desired(controller.settings["law"], estimate, thrust, 1.3))
 
 
 def test_desired_speeds_reach_both_ends(controller: AntiSpin) -> None:
     assert desired_speed(
-        controller.settings, estimate_of(10.0, 4e5, 1.3), 1e3, 1.3
+        controller.settings["law"], estimate_of(10.0, 4e5, 1.3), 1e3, 1.3
     ) == pytest.approx(LOW)
     assert desired_speed(
-        controller.settings, estimate_of(10.0, -3e5, 1.3), 9e5, 1.3
+        controller.settings["law"], estimate_of(10.0, -3e5, 1.3), 9e5, 1.3
     ) == pytest.approx(HIGH)
 
 
@@ -135,7 +130,7 @@ def instant(controller: AntiSpin, memory: Any, *, calm: float, thrust: float, sp
 def written_out(controller: AntiSpin, before: Any, after: Any, calm: float, thrust: float,
                 speed: float, pitch: float) -> tuple[float, float]:  # fmt: skip
     """Eqs. 20 and 21 from what the estimator and the detector say: the reference and Q_m."""
-    settings, plant = controller.settings, ROUGH.record()
+    settings = controller.settings["law"]
     loss = float(after["estimate"]["torque_loss"])
     wanted = desired(settings, after["estimate"], thrust, pitch)
     if after["detection"]["ventilating"]:
@@ -150,7 +145,7 @@ def written_out(controller: AntiSpin, before: Any, after: Any, calm: float, thru
         rate = decay * (old - cutoff * turn * h)
     inertia = 53697.0 + 14411.0 + 1600.0
     gamma, kp, ki = 0.1, 0.6 * inertia, 0.05 * inertia
-    demand = inertia * rate + loss + shaft_load(plant, pitch, reference - gamma * e1)
+    demand = inertia * rate + loss + shaft_load(settings["observer"], pitch, reference - gamma * e1)
     demand += 300.0 * reference - (ki + gamma * kp) * e1 - kp * (speed - reference)
     return reference, demand
 

@@ -55,7 +55,7 @@ def test_a_variant_is_the_same_with_another_option(frigate: Ship) -> None:
     for name in ("anti-spin", "no-anti-spin"):
         controller = make_controller(name, frigate, 0.5)
         assert isinstance(controller, AntiSpin)
-        switches[name] = int(controller.settings["anti_spin"])
+        switches[name] = int(controller.settings["law"]["anti_spin"])
     assert switches == {"anti-spin": 1, "no-anti-spin": 0}
     with pytest.raises(ControllerError, match="multiple values"):
         make_controller("no-anti-spin:anti_spin=1", frigate, 0.5)

@@ -131,12 +131,12 @@ def test_record_has_the_gains_per_inertia_behind_the_gauge() -> None:
 
 
 def test_bollard_torque_and_load_by_hand() -> None:
-    plant = ROUGH.record()
+    plant, observer = ROUGH.record(), TorqueLossObserver().discretise(ROUGH, 0.25)
     gain = open_water(plant["kq"], 0.0, 1.2) * 1025.0 * 4.2**5 / 0.98 / (2.0 * np.pi) ** 2
     assert bollard_gain(plant, 1.2) == pytest.approx(gain)
     for omega in (9.0, -9.0):
         sign = np.sign(omega)
-        assert shaft_load(plant, 1.2, omega) == pytest.approx(sign * (gain * 81.0 + 5000.0))
+        assert shaft_load(observer, 1.2, omega) == pytest.approx(sign * (gain * 81.0 + 5000.0))
     estimate = np.zeros(1, TORQUE_LOSS)[0]
     estimate["shaft_speed"], estimate["torque_loss"], estimate["pitch_reading"] = -3.0, 1e4, 1.2
     assert estimated_propeller_torque(plant, estimate) == pytest.approx(1e4 - gain * 9.0)
@@ -146,7 +146,7 @@ def test_first_sample_is_taken_as_steady() -> None:
     observer = TorqueLossObserver().discretise(ROUGH, 0.25)
     estimate = np.zeros(1, TORQUE_LOSS)[0]
     update_torque_loss(observer, estimate, 9.0, 1.5e5, 1.2)
-    loss = 1.5e5 - shaft_load(ROUGH.record(), 1.2, 9.0) - 400.0 * 9.0
+    loss = 1.5e5 - shaft_load(observer, 1.2, 9.0) - 400.0 * 9.0
     assert estimate["shaft_speed"] == 9.0
     assert estimate["torque_loss"] == pytest.approx(loss)
     names = ("started", "speed_reading", "torque_reading", "pitch_reading")
@@ -226,7 +226,7 @@ def test_friction_is_not_taken_for_a_loss(frigate: Ship) -> None:
     omega, pitch, loss = 9.0, 1.3, -2.5e5
     observer = TorqueLossObserver().discretise(rough, 0.5)
     estimate = np.zeros(1, TORQUE_LOSS)[0]
-    at_gauge = shaft_load(plant, pitch, omega) + 400.0 * omega + loss
+    at_gauge = shaft_load(observer, pitch, omega) + 400.0 * omega + loss
     assert at_gauge == pytest.approx(
         bollard_gain(plant, pitch) * omega**2 + 5000.0 + 400.0 * omega + loss
     )

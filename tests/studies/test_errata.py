@@ -11,7 +11,7 @@ from shaftline.studies import errata
 
 def test_each_says_what_is_printed_what_shows_it_and_what_is_used() -> None:
     found = errata.errata()
-    assert len(found) == 21
+    assert len(found) == 23
     assert {one.source for one in found} <= set(errata.SOURCES)
     for one in found:
         assert all(part.strip() for part in one)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from shaftline.studies import reproduce
-from shaftline.studies.steering import page, results, voyages
+from shaftline.studies.side_by_side import Row, reasons, table
+from shaftline.studies.steering import results, voyages
 
 
 def test_the_printed_numbers_of_the_autopilot() -> None:
@@ -79,8 +80,8 @@ def test_the_pages(tmp_path: Path) -> None:
 
 def test_a_row_says_whether_it_is_met() -> None:
     rows = [
-        page.Row("a", "x", 3.0, "about 3", 2.0, 4.0),
-        page.Row("b", "y", 5.0, "3", 2.0, 4.0, "z"),
+        Row("a", "x", 3.0, "about 3", 2.0, 4.0),
+        Row("b", "y", 5.0, "3", 2.0, 4.0, "z"),
     ]
-    assert page.table(rows)["met"].tolist() == ["yes", "no"]
-    assert page.reasons(rows) == "- y: z"
+    assert table(rows)["met"].tolist() == ["yes", "no"]
+    assert reasons(rows) == "- y: z"

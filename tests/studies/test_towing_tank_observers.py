@@ -12,7 +12,7 @@ from shaftline.observers import get_observer
 from shaftline.plant import State, load_ship, simulate
 from shaftline.plant.ship_files import write_ship
 from shaftline.plant.simulation import Schedule
-from shaftline.studies import towing_tank_observers as study
+from shaftline.studies.towing_tank import observers as study
 
 from ..observers.rig import PITCH, RIG
 

@@ -1,6 +1,6 @@
 """Observers through a reversal: the towing tank's calm test, and a destroyer that stops.
 
-Run ``python -m shaftline.studies.towing_tank_observers --out docs/results``; half a minute.
+Run ``python -m shaftline.studies.towing_tank.observers --out docs/results``; half a minute.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from ..display import figures
-from ..display.tables import markdown, write_table
-from ..observers import Observer, follow, get_observer, readings_of
-from ..observers.immersion_invariance import ImmersionInvariance
-from ..observers.luenberger import Luenberger
-from ..observers.random_walk_kalman import RandomWalkKalman
-from ..observers.shaft_acceleration import ShaftAccelerationDerived
-from ..observers.shaft_kalman import ShaftKalman
-from ..plant import Schedule, Ship, State, equilibrium, load_ship, simulate
-from ..plant.propeller import propeller_load
-from ..plant.shaft import brake_torque_of, load_torque
+from ...display import figures
+from ...display.tables import markdown, write_table
+from ...observers import Observer, follow, get_observer, readings_of
+from ...observers.immersion_invariance import ImmersionInvariance
+from ...observers.luenberger import Luenberger
+from ...observers.random_walk_kalman import RandomWalkKalman
+from ...observers.shaft_acceleration import ShaftAccelerationDerived
+from ...observers.shaft_kalman import ShaftKalman
+from ...plant import Schedule, Ship, State, equilibrium, load_ship, simulate
+from ...plant.propeller import propeller_load
+from ...plant.shaft import brake_torque_of, load_torque
 
 THRUST_N, CARRIAGE_M_S = 80.0, 1.0
 HALF_PERIOD_S, RAMP_S, DURATION_S = 10.0, 2.0, 60.0
@@ -283,7 +283,7 @@ WHY = """\
 def main(arguments: list[str] | None = None) -> None:
     """Write ``four-quadrant-observers.md``, its table and its figure."""
     parser = argparse.ArgumentParser(
-        "python -m shaftline.studies.towing_tank_observers", description=__doc__.split("\n")[0]
+        "python -m shaftline.studies.towing_tank.observers", description=__doc__.split("\n")[0]
     )
     add = parser.add_argument
     add("--out", type=Path, default=Path("out/four-quadrant-observers"), help="folder")
@@ -317,7 +317,7 @@ def main(arguments: list[str] | None = None) -> None:
     table = pd.concat([frame.assign(test=name) for name, frame in frames.items()])
     write_table(
         options.out, "four-quadrant-observers", "Observers through a reversal",
-        "python -m shaftline.studies.towing_tank_observers --out docs/results", table,
+        "python -m shaftline.studies.towing_tank.observers --out docs/results", table,
         "\n\n".join(body),
     )  # fmt: skip
     print(f"page: {options.out / 'four-quadrant-observers.md'}")

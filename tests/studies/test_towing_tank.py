@@ -1,0 +1,60 @@
+"""The rig's tests against the paper's Table 1."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shaftline.plant import load_ship
+from shaftline.studies.towing_tank import page, results
+from shaftline.studies.towing_tank.experiment import Air, Programme
+
+
+@pytest.fixture(scope="module")
+def pair() -> results.Pair:
+    return results.pair(Air().ship(load_ship("towing-tank")), Programme())
+
+
+def test_levels_with_anti_spin_are_the_printed_ones(pair: results.Pair) -> None:
+    assert pair.on[:3] == pytest.approx(results.PRINTED["anti-spin"], rel=0.005)
+
+
+def test_ratios_of_table_1(pair: results.Pair) -> None:
+    """The test without anti-spin is never calibrated."""
+    thrust, power, efficiency = pair.ratios
+    assert thrust == pytest.approx(79.2 / 89.1, abs=0.05)
+    assert power == pytest.approx(290.0 / 378.0, abs=0.05)
+    assert efficiency == pytest.approx(0.151 / 0.123, abs=page.WITHIN)
+    assert efficiency > 1.13
+
+
+@pytest.mark.slow
+def test_calibration_is_what_the_file_and_the_programme_hold() -> None:
+    programme, friction = results.calibrated(Air())
+    held = Programme()
+    assert programme.thrust_N == pytest.approx(held.thrust_N, rel=0.002)
+    assert programme.carriage_m_s == pytest.approx(held.carriage_m_s, rel=0.002)
+    assert friction == pytest.approx(0.03, abs=0.01)
+
+
+def test_programme_turns_the_shaft_against_the_inflow() -> None:
+    programme = Programme()
+    times = np.arange(0.0, 60.0, 0.01)
+    thrust, carriage = programme.thrust(times), programme.carriage(times)
+    assert (thrust.max(), thrust.min()) == (programme.thrust_N, -programme.thrust_N)
+    against = times[thrust * carriage < 0.0]
+    assert 0.5 < np.ptp(against) < 2.0
+    assert programme.submergence(times).min() == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_page_has_every_row(tmp_path: Path) -> None:
+    ticks: list[int] = []
+    found = results.measured(lambda: ticks.append(1))
+    assert len(ticks) == results.TICKS
+    made = page.page(found)
+    assert all(row.met or row.why for row in made.rows)
+    assert set(made.numbers["ratios"]) == {"thrust", "power", "eta_E"}
+    assert len(made.figures) == 4
