@@ -196,7 +196,9 @@ def cavitation_loss(plant: Record, revolutions: Real, submergence: Real) -> Real
 
 
 class PropellerLoad(NamedTuple):
-    """Open-water thrust T [N] and torque Q [N m] of one propeller; KT [-] before ventilation."""
+    """Open-water thrust T [N] and torque Q [N m] of one propeller; KT [-] before ventilation, positive
+    where the thrust points in the direction of rotation.
+    """
 
     thrust: Real
     torque: Real

@@ -45,6 +45,9 @@ class Condition(NamedTuple):
     displacement: float  # [-]
 
 
+FERRIES = ("ferry", "ferry-printed")
+"""Ships that stand for the paper's own."""
+
 CONDITIONS = {
     "calm": Condition(1.0, 1.0),
     "resistance +15 %": Condition(1.15, 1.0),
@@ -57,7 +60,7 @@ CONDITIONS = {
 def lever_speeds(ship: Ship) -> list[float]:
     """Ship speeds [m/s] of the five levers: the paper's on the ferry, the same shares on others."""
     printed = published(PAPERS).loc[COMBINATOR, "ship_speed_m_s_before"].to_numpy()
-    if ship.name == "ferry":
+    if ship.name in FERRIES:
         return [float(v) for v in printed]
     top = combinator_curve(ship).ship_speed[-1]
     return [float(v) for v in printed / TOP_SPEED_M_S * top]
@@ -77,6 +80,11 @@ def loaded(ship: Ship, displacement: float) -> Ship:
             * hull.resistance_coefficient_N_s2_m2,
         }
     )
+
+
+def slowed(ship: Ship, ship_speed: float, more: float) -> float:
+    """Ship speed [m/s] at which a held thrust meets ``more`` times the resistance [-]."""
+    return ship_speed * more ** (-1.0 / ship.hull.resistance_exponent)
 
 
 def governed(ship: Ship, shaft_speed: float, pitch_ratio: float, factor: float) -> SteadyPoint:
@@ -130,7 +138,7 @@ def curves(ship: Ship, surface: CombinatorSurface) -> dict[str, Curve]:
     """The combinators that the optimiser meets.
 
     ``standard`` is the package's own; ``design`` runs through the optimum of each lever in calm water,
-    so that both controls start alike, as the paper's do; ``printed`` (ferry) has the paper's engine
+    so that both controls start alike, as the paper's do; ``printed`` (ferries) has the paper's engine
     speeds, and the pitches at which our ferry then sails the paper's ship speeds.
     """
     speeds = lever_speeds(ship)
@@ -140,7 +148,7 @@ def curves(ship: Ship, surface: CombinatorSurface) -> dict[str, Curve]:
     found["design"] = curve_through(
         ship, numbers, [p.pitch_ratio for p in best if p], [p.shaft_speed for p in best if p]
     )
-    if ship.name == "ferry":
+    if ship.name in FERRIES:
         engine = published(PAPERS).loc[COMBINATOR, "engine_speed_rpm_before"]
         shaft = engine.to_numpy() * math.pi / 30.0 / ship.transmission.gear_ratio
         pitches = [pitch_for(ship, float(n), v, 1.0) for n, v in zip(shaft, speeds, strict=True)]
@@ -226,7 +234,7 @@ def compared(ship: Ship, allowed: float = WHOLE_ENVELOPE) -> pd.DataFrame:
                 plain = governed(afloat, shaft, pitch, factor)
                 points = {
                     COMBINATOR: plain,
-                    HELD: optimal(afloat, surface, speed / math.sqrt(more), factor),
+                    HELD: optimal(afloat, surface, slowed(ship, speed, more), factor),
                     CORRECTED: optimal(afloat, surface, plain.ship_speed, factor),
                 }
                 for control, point in points.items():

@@ -17,7 +17,7 @@ from ...envs.frigate import FrigateEnv
 from ...envs.tasks import get_task
 from ...plant import Ship
 from ...plant.fuel import specific_consumption
-from .lever_points import COMBINATOR, CORRECTED, HELD, curves, lever_speeds
+from .lever_points import COMBINATOR, CORRECTED, HELD, curves, lever_speeds, slowed
 
 RISE = 1.15  # resistance factor of the paper's tables
 LEVER, SECONDS, STEP_AT = 3, 600.0, 300.0
@@ -77,7 +77,7 @@ def voyages(ship: Ship, tick: Callable[[], None] = lambda: None) -> dict[str, pd
     found = {COMBINATOR: voyage(ship, Combinator(ship, curve=curve), speed, speed)}
     tick()
     reached = float(found[COMBINATOR]["ship_speed_m_s"].iloc[-1])
-    for control, order in ((HELD, speed), (CORRECTED, reached * math.sqrt(RISE))):
+    for control, order in ((HELD, speed), (CORRECTED, reached * speed / slowed(ship, speed, RISE))):
         found[control] = voyage(ship, CppOptimiser(ship), speed, order)
         tick()
     return found

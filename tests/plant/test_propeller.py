@@ -64,7 +64,8 @@ def test_turned_astern_the_curves_act_with_the_rotation(plant: Any) -> None:
     n = 9.0 / (2 * math.pi)
     assert astern.thrust == pytest.approx(-FORCE * n**2 * open_water(KT, -0.25, 1.2), rel=1e-12)
     assert astern.torque == pytest.approx(-FORCE * 4.2 * n**2 * open_water(KQ, -0.25, 1.2))
-    assert astern.thrust_coefficient == pytest.approx(-open_water(KT, -0.25, 1.2), rel=1e-5)
+    # in the direction of rotation: a shaft that pulls astern draws air like one that pushes ahead
+    assert astern.thrust_coefficient == pytest.approx(open_water(KT, -0.25, 1.2), rel=1e-5)
 
 
 def test_blades_made_for_one_direction_load_less_in_the_other(plant: Any) -> None:
