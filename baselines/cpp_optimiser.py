@@ -12,7 +12,8 @@ smoothly.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,17 +75,37 @@ class CppOptimiser(Controller):
             surface takes some seconds to work out and is kept for the next instance.
         interval_s: control interval of the environment [s].
         response_s: time constant of the governed shaft [s].
+        filter_s: time constant of the filters on estimated advance speed and thrust [s].
+        pitch_at: thrust at which the surface is asked for the pitch: ``ordered``, or ``actual``, the
+            estimated one, as in the paper. Both are the same once the order is reached.
 
     State: shape (n, 5), columns :data:`INTEGRAL` to :data:`TRUST`.
+
+    Raises:
+        ValueError: another ``pitch_at``, or a ``filter_s`` that is not above 0.
     """
 
     name = "cpp-optimiser"
     source = "CPP optimiser paper"
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "cpp-optimiser-at-actual": {"pitch_at": "actual"}
+    }
 
     def __init__(
-        self, ship: str | Ship = "frigate", interval_s: float = 0.5, response_s: float = RESPONSE_S
+        self,
+        ship: str | Ship = "frigate",
+        interval_s: float = 0.5,
+        response_s: float = RESPONSE_S,
+        *,
+        filter_s: float = FILTER_S,
+        pitch_at: str = "ordered",
     ) -> None:
         super().__init__(ship, interval_s)
+        if pitch_at not in ("ordered", "actual"):
+            raise ValueError(f"pitch_at = {pitch_at!r}: must be 'ordered' or 'actual'")
+        if not (math.isfinite(filter_s) and filter_s > 0.0):
+            raise ValueError(f"filter_s = {filter_s!r} s: must be a number above 0")
+        self.pitch_at, self.filter_s = pitch_at, filter_s
         self.fit = fit_open_water(self.ship)
         self.surface = combinator_surface(self.ship)
         self.combinator = Combinator(self.ship, interval_s, response_s=response_s)
@@ -134,7 +155,7 @@ class CppOptimiser(Controller):
         memory[hears_first, ADVANCE] = seen.advance_velocity[hears_first]
         memory[hears_first, THRUST] = estimate[hears_first]
 
-        keep = math.exp(-self.interval_s / FILTER_S)
+        keep = math.exp(-self.interval_s / self.filter_s)
         for column, heard in ((ADVANCE, seen.advance_velocity), (THRUST, estimate)):
             filtered = keep * memory[:, column] + (1.0 - keep) * heard
             memory[:, column] = np.where(valid, filtered, memory[:, column])
@@ -143,9 +164,12 @@ class CppOptimiser(Controller):
 
         setting = look_up(self.surface, self.ordered_thrust(seen.speed_order), memory[:, ADVANCE])
         memory[:, TRIM] = self._trimmed(memory, setting, valid)
+        best_pitch = setting.pitch_ratio
+        if self.pitch_at == "actual":
+            best_pitch = look_up(self.surface, memory[:, THRUST], memory[:, ADVANCE]).pitch_ratio
         share = memory[:, TRUST] * setting.reach
         speed = share * (setting.shaft_speed + memory[:, TRIM]) + (1.0 - share) * plain_speed
-        pitch = share * setting.pitch_ratio + (1.0 - share) * plain_pitch
+        pitch = share * best_pitch + (1.0 - share) * plain_pitch
         governor = self.combinator.governor
         settled = governor.settle(seen.shaft_speed, seen.fuel_rack, speed)
         integral = np.where(np.isnan(memory[:, INTEGRAL]), settled, memory[:, INTEGRAL])

@@ -12,9 +12,9 @@ from ..plant import load_ship
 from .augmented_filter import destroyer, destroyer_page, esso_osaka, esso_osaka_page
 from .augmented_filter import page as filter_page
 from .augmented_filter import results as filter_results
-from .ferry import levers
+from .ferry import levers, optimiser_page
 from .ferry.lever_tables import against_combinator
-from .reproduced import Cells, Make, Reproduced, Tick
+from .reproduced import Cells, Make, Reproduced, Tick, cells_of
 from .side_by_side import Page, reasons, table
 from .steering import page as steering_page
 from .steering import results as steering_results
@@ -47,7 +47,9 @@ def reproduce_levers(folder: Path, tick: Tick) -> Reproduced:
         " / ".join(map(str, row[keys])): row.drop([*keys, "active"]).dropna().to_dict()
         for _, row in whole.iterrows()
     }
-    return Reproduced(levers.CHANGE, against_combinator(whole), levers.FINDINGS, numbers)
+    cells = cells_of(levers.printed_size(whole))
+    words = levers.findings(whole)
+    return Reproduced(levers.CHANGE, against_combinator(whole), words, numbers, cells)
 
 
 def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
@@ -127,6 +129,7 @@ TABLES: dict[str, tuple[Make, int]] = {
     "storms": (reproduce_storms, storm_results.TICKS),
     "towing-tank": (reproduce_towing_tank, towing_tank_results.TICKS),
     "levers": (reproduce_levers, levers.TICKS),
+    "optimiser": (optimiser_page.reproduce, optimiser_page.TICKS),
     "tito-neri": (reproduce_tito_neri, identification_page.TICKS),
     "augmented-filter": (reproduce_augmented_filter, filter_results.TICKS),
     "esso-osaka": (reproduce_esso_osaka, esso_osaka.TICKS),

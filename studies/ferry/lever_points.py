@@ -84,7 +84,7 @@ def loaded(ship: Ship, displacement: float) -> Ship:
 
 def slowed(ship: Ship, ship_speed: float, more: float) -> float:
     """Ship speed [m/s] at which a held thrust meets ``more`` times the resistance [-]."""
-    return ship_speed * more ** (-1.0 / ship.hull.resistance_exponent)
+    return float(ship_speed * more ** (-1.0 / ship.hull.resistance_exponent))
 
 
 def governed(ship: Ship, shaft_speed: float, pitch_ratio: float, factor: float) -> SteadyPoint:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,27 +24,41 @@ LEVER, SECONDS, STEP_AT = 3, 600.0, 300.0
 MEANS_OVER = 100.0  # last seconds
 
 
-def voyage(ship: Ship, controller: Any, speed: float, corrected: float) -> pd.DataFrame:
-    """A ship in closed loop in calm water with perfect instruments; resistance steps up on the way.
+def voyage(
+    ship: Ship,
+    controller: Any,
+    speed: float,
+    corrected: float,
+    *,
+    sea: str = "calm",
+    rise: float = RISE,
+    observer: str = "oracle",
+    noise: float | Mapping[str, float] = 0.0,
+) -> pd.DataFrame:
+    """A ship in closed loop; resistance steps up on the way.
 
     Args:
         ship: a ship with a diesel.
         controller: with ``predict``.
         speed: ordered ship speed [m/s].
         corrected: order [m/s] from the step on.
+        sea: that it sails in, head seas; calm water by default.
+        rise: resistance factor from the step on [-].
+        observer: of the advance velocity; the truth by default.
+        noise: of the instruments, as ``sensor_noise`` of the environment; none by default.
 
     Returns:
         One row per 0.5 s: time [s], ship speed [m/s], engine speed [rpm], P/D, SFOC [g/kWh], fuel
-        flow [kg/s].
+        flow [kg/s], thrust [N].
     """
-    still = {"resistance_rise": (0.0, 0.0), "resistance_swing": 0.0, "seas": ("calm",)}
+    still = {"resistance_rise": (0.0, 0.0), "resistance_swing": 0.0, "seas": (sea,)}
     task = get_task("transit").model_dump() | still
     # only the sea knows of the step
     heavier = ship.with_values(
-        {"hull.episode_resistance_fraction": RISE - 1.0, "hull.episode_start_s": STEP_AT}
+        {"hull.episode_resistance_fraction": rise - 1.0, "hull.episode_start_s": STEP_AT}
     )
     env = FrigateEnv(
-        ship=heavier, task=task, observer="oracle", sensor_noise=0.0, episode_s=SECONDS
+        ship=heavier, task=task, observer=observer, sensor_noise=noise, episode_s=SECONDS
     )
     plant = ship.record()
     orders = {"speed_order_m_s": (speed, corrected), "order_interval_s": STEP_AT}
@@ -58,7 +72,9 @@ def voyage(ship: Ship, controller: Any, speed: float, corrected: float) -> pd.Da
         sfoc = specific_consumption(plant, engine, info["brake_torque"])
         pitch = float(readings(observation).pitch_ratio[0])
         rpm = engine * 30.0 / math.pi
-        rows.append((time + 0.5, info["ship_speed"], rpm, pitch, sfoc, info["fuel_flow"]))
+        rows.append(
+            (time + 0.5, info["ship_speed"], rpm, pitch, sfoc, info["fuel_flow"], info["thrust"])
+        )
     names = [
         "time_s",
         "ship_speed_m_s",
@@ -66,6 +82,7 @@ def voyage(ship: Ship, controller: Any, speed: float, corrected: float) -> pd.Da
         "pitch_ratio",
         "sfoc_g_kwh",
         "fuel_kg_s",
+        "thrust_N",
     ]
     return pd.DataFrame(rows, columns=names)
 
@@ -86,6 +103,6 @@ def voyages(ship: Ship, tick: Callable[[], None] = lambda: None) -> dict[str, pd
 def settled(found: dict[str, pd.DataFrame]) -> pd.DataFrame:
     """Means over the last :data:`MEANS_OVER` seconds of each voyage, with fuel per nautical mile."""
     means = {name: log[log["time_s"] > SECONDS - MEANS_OVER].mean() for name, log in found.items()}
-    frame = pd.DataFrame(means).T.drop(columns="time_s")
+    frame = pd.DataFrame(means).T.drop(columns=["time_s", "thrust_N"])
     frame["fuel_kg_nmi"] = 1852.0 * frame.pop("fuel_kg_s") / frame["ship_speed_m_s"]
     return frame.rename_axis("control").reset_index()

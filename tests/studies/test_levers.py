@@ -21,8 +21,13 @@ from shaftline.studies.ferry.lever_points import (
     loaded,
     optimal,
 )
-from shaftline.studies.ferry.lever_tables import against_combinator, implied_savings, paper_form
-from shaftline.studies.side_by_side import published
+from shaftline.studies.ferry.lever_tables import (
+    against_combinator,
+    beside_print,
+    implied_savings,
+    paper_form,
+)
+from shaftline.studies.side_by_side import UNEXPLAINED, published
 
 KEYS = ["curve", "condition", "lever"]
 EDGE = 0.2  # %: what the surface's interpolation may cost where the torque limit cuts it
@@ -73,6 +78,32 @@ def test_controls_that_start_alike(rows: pd.DataFrame) -> None:
             for condition in list(CONDITIONS)[1:]:
                 key = condition, lever
                 assert sfoc[(CORRECTED, *key)] < sfoc[(COMBINATOR, *key)]
+
+
+@pytest.fixture(scope="module")
+def own_size() -> pd.DataFrame:
+    return compared(load_ship("ferry-printed"))
+
+
+def test_the_papers_numbers_in_its_own_size(own_size: pd.DataFrame) -> None:
+    table = beside_print(own_size[own_size["curve"] == "printed"])
+    off = (table["ours"] - table["printed"]).abs()
+    assert len(table) == 90
+    assert (table["why"] == "").sum() >= 75
+    assert not (table["why"] == UNEXPLAINED).any()
+    assert off[table["quantity"] == "ship_speed_m_s"].max() < 0.055
+    assert off[(table["quantity"] == "sfoc_g_kwh") & (table["lever"] < 5)].max() < 4.5
+    saved = own_size[(own_size["curve"] == "printed") & (own_size["lever"] < 5)]
+    saved = saved[saved["condition"] == "resistance +15 %"]["saving_percent"].dropna()
+    assert 0.3 < saved.min() < saved.max() < 0.8
+
+
+def test_held_thrust_follows_the_hulls_exponent(own_size: pd.DataFrame) -> None:
+    held = own_size[(own_size["control"] == HELD) & (own_size["curve"] == "design")]
+    speed = held.set_index(["condition", "lever"])["ship_speed_m_s"]
+    for lever in range(1, 6):
+        lost = speed["resistance +15 %", lever] / speed["calm", lever]
+        assert lost == pytest.approx(1.15 ** (-1.0 / 2.65), rel=1e-9)
 
 
 def test_held_thrust_loses_speed_with_the_root_of_the_resistance(rows: pd.DataFrame) -> None:
