@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.numeric import clip
-from ..plant.drives.torque_source import TorqueSource
 from ..plant.ship import Ship
 from ..plant.ship_files import load_ship
 from .thrust_law import ThrustLaw
@@ -122,8 +121,8 @@ class ThrustControl:
     reading that is not finite is replaced by the last good one.
 
     Args:
-        ship: with a drive by ``torque-command``, or its name. With four-quadrant curves the shaft turns
-            either way, with others ahead only.
+        ship: with a drive that gives the torque that it is told, or its name. With four-quadrant curves
+            the shaft turns either way, with others ahead only.
         interval_s: control interval [s]; the ship's time step by default.
         anti_spin: whether ventilation limits the shaft speed; False is the paper's comparison.
         tuning: gains and thresholds.
@@ -151,10 +150,10 @@ class ThrustControl:
         self.interval_s = self.ship.time_step_s if interval_s is None else interval_s
         tuning = (ThrustControlTuning() if tuning is None else tuning).tuned(numbers)
         propeller = self.ship.propeller
-        if not isinstance(self.ship.prime_mover, TorqueSource) or not self.ship.has_propeller:
+        if not (self.ship.prime_mover.gives_torque and self.ship.has_propeller):
             raise ValueError(
-                f"{self.ship.name}: thrust control needs a propeller and a drive that is told its "
-                "torque, prime_mover.type = 'torque-command'"
+                f"{self.ship.name}: thrust control needs a propeller and a drive that gives the torque "
+                f"that it is told, not {self.ship.prime_mover.type!r}"
             )
         if propeller.pitch_ratio_min != propeller.pitch_ratio_max:
             raise ValueError(

@@ -80,10 +80,11 @@ def told_elsewhere(thing: Any) -> bool:
 
 
 def commented(thing: Any) -> set[str]:
-    """Fields of a dataclass that have a comment behind them."""
-    if not dataclasses.is_dataclass(thing):
+    """Fields of a dataclass that have a comment behind them, there or where they are inherited from."""
+    if not inspect.isclass(thing):
         return set()
-    return set(re.findall(r"^ +(\w+): [^\n]*  # ", inspect.getsource(thing), re.MULTILINE))  # type: ignore[arg-type]
+    family = [inspect.getsource(one) for one in thing.__mro__ if dataclasses.is_dataclass(one)]
+    return set(re.findall(r"^ +(\w+): [^\n]*  # ", "".join(family), re.MULTILINE))
 
 
 @pytest.mark.parametrize("thing", callables())

@@ -19,6 +19,8 @@ class PrimeMover(Section):
     """Balance in which its own effects act: ``engine`` or ``motor``; none where its speed is held."""
     holds_speed: ClassVar[bool] = False
     """Whether the shaft's speed is its demand; the shaft's balance is then not simulated."""
+    gives_torque: ClassVar[bool] = False
+    """Whether it gives the torque that it is told."""
     demand: ClassVar[Signal]
     """What commands it."""
 

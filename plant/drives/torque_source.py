@@ -17,6 +17,7 @@ class TorqueSource(PrimeMover):
 
     code: ClassVar[int] = 2
     balance: ClassVar[str] = "motor"
+    gives_torque: ClassVar[bool] = True
     demand: ClassVar[Signal] = Signal(
         "motor_torque_demand", "M_d", "N m", -1e8, 1e8, "demand", "motor_torque_N_m",
         "torque demanded of the drive",

@@ -26,6 +26,7 @@ NAMES = [
     "combinator",
     "combinator-trimmed",
     "cpp-optimiser",
+    "cpp-optimiser-at-actual",
     "anti-spin",
     "no-anti-spin",
     "speed-pilot",
