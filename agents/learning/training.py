@@ -24,6 +24,7 @@ from stable_baselines3.common.logger import Logger, make_output_format
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecNormalize
 
+from ...core.archives import read_archive
 from ...core.files import write_json
 from ...core.sweep import digest_of, refuse_another, source_digest
 from ...envs import DEFAULTS
@@ -109,6 +110,29 @@ def _built(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list
         raise RecipeError(f"{recipe.algorithm.upper()} refuses the recipe: {error}") from None
 
 
+def built(
+    recipe: Recipe, seed: int, ship: str, device: str, threads: int | None = None
+) -> tuple[Any, Any, list[Falling]]:
+    """A model that has learned nothing, its normalised environments, and the values that fall.
+
+    Args:
+        recipe: what and how.
+        seed: of the weights.
+        ship: preset or path.
+        device: of torch.
+        threads: of the environments.
+    """
+    frigates = Sb3Frigates(
+        recipe.n_envs, task=recipe.rewarded(), ship=ship, threads=threads, **recipe.env_kwargs
+    )
+    piloted = PolicyEnv(frigates, recipe.form, telling=recipe.algorithm == "ppo")
+    venv = VecNormalize(piloted, norm_obs=recipe.normalize, norm_reward=recipe.normalize,
+                        gamma=float(recipe.hyperparameters.get("gamma", 0.99)))  # fmt: skip
+    set_random_seed(seed)
+    model, falling = _built(recipe, venv, seed, device)
+    return model, venv, falling
+
+
 def network_of(model: Any, normaliser: VecNormalize, seen: int) -> Network:
     """The deterministic part of a model of stable-baselines3, whose policy sees so many features."""
     policy = model.policy
@@ -191,28 +215,14 @@ def train(
         device = "cuda" if torch.cuda.is_available() else "cpu"
     if device == "cpu":
         torch.set_num_threads(1)  # small networks: more threads cost time and repeatability
-    frigates = Sb3Frigates(
-        recipe.n_envs, task=recipe.rewarded(), ship=ship, threads=threads, **recipe.env_kwargs
-    )
-    piloted = PolicyEnv(frigates, recipe.form, telling=recipe.algorithm == "ppo")
+    model, venv, falling = built(recipe, seed, ship, device, threads)
+    piloted = venv.venv
     before = progress.legs[-1] if progress.legs else {"seconds": 0.0, "environment_share": 0.0}
     begin = time.perf_counter() - before["seconds"]
     piloted.acting_s = before["seconds"] * before["environment_share"]
-    venv: Any = VecNormalize(piloted, norm_obs=recipe.normalize, norm_reward=recipe.normalize,
-                             gamma=float(recipe.hyperparameters.get("gamma", 0.99)))  # fmt: skip
-    set_random_seed(seed)
-    model, falling = _built(recipe, venv, seed, device)
     write_json(note, plan)  # only now is it known that it can begin
     if progress.legs:
-        venv = VecNormalize.load(str(progress.normaliser), piloted)
-        kept = type(model).load(progress.model, env=venv, device=device)
-        model.set_parameters(kept.get_parameters(), device=device)
-        model.set_env(venv)
-        model.num_timesteps, model._n_updates = kept.num_timesteps, kept._n_updates
-        if isinstance(model, SAC):
-            model.load_replay_buffer(progress.buffer)
-            if model.log_ent_coef is not None:  # not among the parameters, though it is learned
-                model.log_ent_coef.data.copy_(kept.log_ent_coef.data)
+        progress.go_on(model, venv)
     formats = ["csv"]
     try:
         import tensorboard  # noqa: F401
@@ -235,7 +245,7 @@ def train(
             model.learn(leg_steps, callback=watch, reset_num_timesteps=False)
             policy = Policy(
                 network_of(model, venv, len(recipe.form.features)),
-                _about(recipe, seed, ship, frigates),
+                _about(recipe, seed, ship, piloted.venv),
             )
             judged = _judged(policy, recipe, ship, threads)
             spent = time.perf_counter() - begin
@@ -289,8 +299,7 @@ def _judged(policy: Policy, recipe: Recipe, ship: str, threads: int | None) -> d
 def digest(path: Path) -> str:
     """Hash of the weights of a policy file, which no clock enters."""
     found = hashlib.sha256()
-    with np.load(path) as archive:
-        for name in sorted(archive.files):
-            if name != "about":
-                found.update(archive[name].tobytes())
+    for name, array in sorted(read_archive(path).items()):
+        if name != "about":
+            found.update(array.tobytes())
     return found.hexdigest()

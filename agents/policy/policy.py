@@ -13,13 +13,12 @@ from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...baselines.controller import OBSERVED, Controller, Readings
-from ...core.files import write_atomically
+from ...core.archives import read_archive, write_archive
 from ...envs.tasks import get_task
 from ...plant import Ship
 from .residual import ANSWERS, Form, Residual
@@ -168,15 +167,8 @@ class Policy(Controller):
             "activation": n.activation, "squashed": n.squashed, "clip": n.clip, "curve": self.curve,
         }  # fmt: skip
         text = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-
-        def write(temporary: Path) -> None:
-            with temporary.open("wb") as file:
-                np.savez_compressed(
-                    file, about=text, mean=n.mean, deviation=n.deviation,
-                    log_deviation=n.log_deviation, **layers,
-                )  # type: ignore[arg-type]  # fmt: skip
-
-        write_atomically(path, write)
+        layers |= {"mean": n.mean, "deviation": n.deviation, "log_deviation": n.log_deviation}
+        write_archive(path, {"about": text, **layers})
 
 
 def trained_on(about: Mapping[str, Any]) -> Ship:
@@ -206,16 +198,16 @@ def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
             f"{source}: no such policy file; with the package come {', '.join(trained()) or 'none'}"
         )
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            about = json.loads(bytes(archive["about"]).decode())
-            count = sum(name.startswith("weight_") for name in archive)
-            network = Network(
-                archive["mean"], archive["deviation"], float(about["clip"]),
-                tuple(archive[f"weight_{i}"] for i in range(count)),
-                tuple(archive[f"bias_{i}"] for i in range(count)),
-                about["activation"], bool(about["squashed"]), archive["log_deviation"],
-            )  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+        archive = read_archive(path)
+        about = json.loads(bytes(archive["about"]).decode())
+        count = sum(name.startswith("weight_") for name in archive)
+        network = Network(
+            archive["mean"], archive["deviation"], float(about["clip"]),
+            tuple(archive[f"weight_{i}"] for i in range(count)),
+            tuple(archive[f"bias_{i}"] for i in range(count)),
+            about["activation"], bool(about["squashed"]), archive["log_deviation"],
+        )  # fmt: skip
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise PolicyError(f"{path}: not a policy file ({error})") from None
     try:
         return Policy(network, about, ship, about.get("curve"))

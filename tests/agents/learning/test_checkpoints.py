@@ -3,39 +3,41 @@
 from __future__ import annotations
 
 import json
+import pickle
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+import torch
 from stable_baselines3 import SAC
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from shaftline.agents import Policy, load_policy
 from shaftline.agents.learning.checkpoints import Checkpoints
+from shaftline.core.archives import read_archive, unpacked
 
 from ..tiny import plain_policy
 
 
 class Noted:
-    """Stands for a model or a normaliser: writes a word."""
+    """Stands for a model and its normalisation: numbers that say which leg they are of."""
 
-    def __init__(self, word: str) -> None:
-        self.word = word
+    def __init__(self, leg: int) -> None:
+        self.num_timesteps, self._n_updates = leg, leg
+        self.obs_rms = self.ret_rms = RunningMeanStd(shape=(2,))
 
-    def save(self, file: Any) -> None:
-        Path(file).write_text(self.word)
+    def get_parameters(self) -> dict[str, Any]:
+        return {"policy": {"weight": torch.full((2, 2), float(self.num_timesteps))}}
 
 
-class NotedSac(SAC):
+class NotedSac(Noted, SAC):
     """The same with a replay buffer."""
 
-    def __init__(self, word: str) -> None:
-        self.word = word
-
-    def save(self, file: Any) -> None:  # type: ignore[override]
-        Path(file).write_text(self.word)
-
-    def save_replay_buffer(self, file: Any) -> None:
-        Path(file).write_text("buffer " + self.word)
+    def __init__(self, leg: int) -> None:
+        Noted.__init__(self, leg)
+        self.replay_buffer = SimpleNamespace(rewards=np.full(3, leg), pos=leg, full=False)  # type: ignore[assignment]
 
 
 @pytest.fixture
@@ -49,8 +51,8 @@ def kept(folder: Path, policy: Policy, *legs: tuple[float, float], model: Any = 
         count = len(progress.legs) + 1
         progress.add({"reward": reward, "failed": failed})
         policy.about["made"] = count
-        venv: Any = Noted(f"normaliser {count}")
-        progress.keep(model(f"model {count}"), venv, policy)
+        venv: Any = Noted(count)
+        progress.keep(model(count), venv, policy)
     return progress
 
 
@@ -58,16 +60,17 @@ def test_a_leg_is_kept_and_found_again(tmp_path: Path, policy: Policy) -> None:
     kept(tmp_path, policy, (-9.0, 0.0), (-7.0, 0.0))
     names = sorted(file.name for file in (tmp_path / "checkpoints").iterdir())
     assert names == [
-        "model-01.zip", "model-02.zip", "normaliser-01.pkl", "normaliser-02.pkl", "policy-01.npz",
-        "policy-02.npz",
+        "model-01.npz", "model-02.npz", "policy-01.npz", "policy-02.npz",
     ]  # fmt: skip
     assert json.loads((tmp_path / "curve.json").read_text()) == [
         {"reward": -9.0, "failed": 0.0}, {"reward": -7.0, "failed": 0.0},
     ]  # fmt: skip
     again = Checkpoints(tmp_path)
     assert len(again.legs) == 2
-    assert again.model.read_text() == "model 2"
-    assert again.normaliser.read_text() == "normaliser 2"
+    assert (
+        unpacked(read_archive(again.model))["parameters"]["policy"]["weight"].tolist()
+        == [[2.0, 2.0]] * 2
+    )
     assert load_policy(tmp_path / "checkpoints/policy-01.npz").curve == {
         "reward": [-9.0], "failed": [0.0],
     }  # fmt: skip
@@ -92,5 +95,23 @@ def test_only_the_last_replay_buffer_is_kept(tmp_path: Path, policy: Policy) -> 
     progress = kept(tmp_path, policy, (-9.0, 0.0), (-8.0, 0.0), model=NotedSac)
     (buffer,) = (tmp_path / "checkpoints").glob("buffer-*")
     assert buffer == progress.buffer
-    assert buffer.name == "buffer-02.pkl"
-    assert buffer.read_text() == "buffer model 2"
+    assert buffer.name == "buffer-02.npz"
+    assert unpacked(read_archive(buffer))["rewards"].tolist() == [2, 2, 2]
+
+
+def test_no_code_is_run_by_a_checkpoint(tmp_path: Path, policy: Policy) -> None:
+    """One that was replaced by a pickle is refused and not unpickled."""
+    progress = kept(tmp_path, policy, (-9.0, 0.0))
+    mark = tmp_path / "mark"
+
+    class Bomb:
+        def __reduce__(self) -> Any:
+            return (Path.touch, (mark,))
+
+    progress.model.write_bytes(pickle.dumps(Bomb()))
+    with pytest.raises(ValueError, match="not an archive of numbers"):
+        progress.go_on(Noted(1), Noted(1))  # type: ignore[arg-type]
+    np.savez(progress.model, np.array([Bomb()], dtype=object))
+    with pytest.raises(ValueError, match="not an archive of numbers"):
+        progress.go_on(Noted(1), Noted(1))  # type: ignore[arg-type]
+    assert not mark.exists()

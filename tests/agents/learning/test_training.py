@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import pickle
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from shaftline.agents.learning.privileged_critic import TOLD
 from shaftline.agents.learning.training import Falling, _built, _legs, _Watch, digest, network_of
 from shaftline.agents.policy.residual import ANSWERS, Form
 from shaftline.core import sweep
+from shaftline.core.archives import read_archive, unpacked
 from shaftline.envs import Sb3Frigates
 
 from ..tiny import PPO, SAC, interrupted_after_a_leg, recipe
@@ -310,11 +310,11 @@ def test_a_normaliser_keeps_its_numbers_between_legs(whole: Any) -> None:
     folder = whole("ppo").parent / "checkpoints"
     rms = []
     for leg in (1, 2):
-        with (folder / f"normaliser-{leg:02d}.pkl").open("rb") as file:
-            rms.append(pickle.load(file).obs_rms)
-    assert rms[1].count == pytest.approx(2.0 * rms[0].count, rel=0.1)
+        state = unpacked(read_archive(folder / f"model-{leg:02d}.npz"))
+        rms.append(state["normaliser"]["obs_rms"])
+    assert rms[1]["count"] == pytest.approx(2.0 * rms[0]["count"], rel=0.1)
     network = load_policy(folder / "policy-02.npz").network
-    assert network.mean == pytest.approx(rms[1].mean[:SEEN])
+    assert network.mean == pytest.approx(rms[1]["mean"][:SEEN])
 
 
 def test_the_commit_is_the_checkouts(monkeypatch: pytest.MonkeyPatch) -> None:

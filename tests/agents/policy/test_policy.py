@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import copy
 import json
-import pickle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.vec_env import VecNormalize
 
 from shaftline.agents import Policy, PolicyError, Setting, load_policy, run_episodes, train
+from shaftline.agents.learning.checkpoints import Checkpoints
+from shaftline.agents.learning.recipe import Recipe
+from shaftline.agents.learning.training import built
 from shaftline.agents.policy.policy import Network, layout, trained, trained_on
 from shaftline.agents.policy.residual import ANSWERS, Form, Residual
 from shaftline.baselines.controller import OBSERVED
@@ -196,25 +196,19 @@ def test_what_is_saved_is_loaded(file: Path, tmp_path: Path) -> None:
 def test_inference_is_that_of_stable_baselines3(file: Path) -> None:
     """On normalised features, mean answers agree to the float's last digits."""
     policy = load_policy(file)
-    kind: Any = PPO if policy.about["recipe"]["algorithm"] == "ppo" else SAC
-    stem = f"{len(policy.curve['steps']):02d}"
-    model = kind.load(file.parent / "checkpoints" / f"model-{stem}.zip", device="cpu")
+    progress = Checkpoints(file.parent)
+    made = Recipe.model_validate(policy.about["recipe"])
+    model, venv, _ = built(made, 7, policy.about["ship_source"], "cpu", 1)
+    progress.go_on(model, venv)
     width = model.observation_space.shape[0]
     rng = np.random.default_rng(0)
     rows = np.zeros((50, width))
     spread = 2.0 * rng.standard_normal((50, len(FEATURES)))
     rows[:, : len(FEATURES)] = policy.network.mean + policy.network.deviation * spread
-    normaliser = pickled(file.parent / "checkpoints" / f"normaliser-{stem}.pkl")
-    expected, _ = model.predict(normaliser.normalize_obs(rows), deterministic=True)
+    expected, _ = model.predict(venv.normalize_obs(rows), deterministic=True)
     found = policy.network(rows[:, : len(FEATURES)].astype(np.float32))
     assert found == pytest.approx(expected, abs=1e-5)
     assert np.ptp(found, axis=0).min() > 1e-3
-
-
-def pickled(path: Path) -> VecNormalize:
-    with path.open("rb") as stream:
-        found: VecNormalize = pickle.load(stream)
-    return found
 
 
 def test_one_observation_and_noise(file: Path) -> None:
