@@ -6,6 +6,7 @@ A package offers its own by entry points of the group ``shaftline.controllers`` 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -151,9 +152,14 @@ def read_options(text: str) -> tuple[str, dict[str, float]]:
     for item in filter(None, rest.split(",")):
         key, _, value = item.partition("=")
         try:
-            options[key] = float(value)
+            number = float(value)
         except ValueError:
             raise ControllerError(f"{text!r}: option {item!r} must be name=number") from None
+        if not math.isfinite(number):
+            raise ControllerError(f"{text!r}: option {item!r} must be a finite number")
+        if key in options:
+            raise ControllerError(f"{text!r}: option {key!r} stands twice")
+        options[key] = number
     return name, options
 
 

@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from ..core.files import check_writable
 from .machine import told
 from .progress import errors
 from .progress import progress as progress
@@ -53,13 +54,14 @@ ColumnMap = Annotated[
 
 
 def check_folder(out: Path) -> None:
-    """Refuse a folder for results that is a file.
+    """Refuse a folder for results that is a file, or that cannot be written to.
 
     Raises:
         ValueError: names it.
     """
     if out.exists() and not out.is_dir():
         raise ValueError(f"--out {out}: is a file; a folder is needed")
+    check_writable(out)
 
 
 def say(text: str) -> None:
@@ -78,9 +80,13 @@ def clear_errors() -> Iterator[None]:
     """
     try:
         yield
-    except (ValueError, OSError) as error:
-        errors.print(f"[bold red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
+    except (ValueError, OSError, MemoryError) as error:
+        said = str(error) or "not enough memory"
+        errors.print(f"[bold red]error:[/] {escape(said)}", highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        errors.print("stopped; what is finished is kept", highlight=False)
+        raise typer.Exit(130) from None
 
 
 @contextmanager

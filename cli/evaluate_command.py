@@ -22,7 +22,7 @@ from ..display import figures
 from ..envs import DEFAULTS, FrigateEnv, get_task, tasks
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
-from .console import Backend, clear_errors, print_table, progress, say
+from .console import Backend, check_folder, clear_errors, print_table, progress, say
 from .machine import numbers
 
 _INTERVAL = DEFAULTS.control_interval_s
@@ -89,6 +89,7 @@ def evaluate(
         shaftline evaluate --task rough-sea --controller combinator-trimmed --controller policy:rough-sea
     """
     with clear_errors():
+        check_folder(out)
         check_backend(jobs, backend, scheduler)
         sailed = get_task(task).sailed(ship)
         if "all" in observer:

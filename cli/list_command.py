@@ -10,7 +10,7 @@ import typer
 
 from ..baselines import controller_names, helmsman_names
 from ..baselines.registry import about
-from ..core.files import write_text
+from ..core.files import check_writable, write_text
 from ..display.tables import markdown
 from ..envs import tasks
 from ..mismatch import catalogue
@@ -124,6 +124,8 @@ def list_names(
     `shaftline diagnose --effects MY.toml`.
     """
     with clear_errors():
+        if markdown_file is not None:
+            check_writable(markdown_file)
         tables = {"Effects": effects()} if only_effects else registries()
         if markdown_file is not None:
             parts = [f"## {title}\n\n{markdown(table)}\n" for title, table in tables.items()]

@@ -13,7 +13,7 @@ from ..baselines import ControllerError, helmsman_names, make_controller, make_h
 from ..baselines.controller import Controller
 from ..baselines.helmsman import ShapedHelmsman
 from ..baselines.loops import controller_loop, helmsman_loop, readable
-from ..core.files import write_json
+from ..core.files import check_writable, write_json
 from ..core.lazy import control
 from ..display import figures
 from ..display.loops import loop_figure
@@ -93,6 +93,8 @@ def loop(
     """
     with clear_errors():
         check_folder(out)
+        if json is not None:
+            check_writable(json)
         vessel = load_ship(ship)
         found, about = _loop(controller, vessel, speed, interval, command, reading, pitch)
         if not found.stable:

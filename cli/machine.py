@@ -109,9 +109,12 @@ def _telling(file: Path | None) -> Iterator[None]:
     if file is None:
         yield
         return
-    from ..core.files import write_json
-    from .console import console
+    from ..core.files import check_writable, write_json
+    from .console import clear_errors, console
 
+    if file != _STANDARD:
+        with clear_errors():
+            check_writable(file)
     _told, console.quiet = Told(), file == _STANDARD
     try:
         yield

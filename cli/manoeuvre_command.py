@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..core.files import write_json
+from ..core.files import check_writable, write_json
 from ..display import figures, manoeuvres
 from ..display.tables import write_csv
 from ..plant import approach, load_ship
@@ -66,6 +66,8 @@ def manoeuvre(
     """
     with clear_errors():
         check_folder(out)
+        if json is not None:
+            check_writable(json)
         vessel = load_ship(ship)
         if not 0.0 < scale < float("inf"):
             raise ValueError(f"--scale {scale:g} (unit -; allowed: > 0)")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..core.files import write_text
+from ..core.files import check_writable, write_text
 from ..plant.ship_templates import template_names, template_text
 from .console import clear_errors, say
 
@@ -58,6 +58,7 @@ def new_ship(
         if out is None:
             say(template_text(template).rstrip())
             return
+        check_writable(out)
         if out.suffix != ".toml":
             raise ValueError(f"--out {out}: a ship's file ends in .toml")
         if out.exists():

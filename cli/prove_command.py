@@ -19,7 +19,7 @@ from ..proof.prove import Diagnose, case_folder, run_case, scores, write_page
 from ..proof.recording import make
 from ..proof.rivals import sindy, stepwise_bic
 from ..proof.variants import PLAIN, VARIANTS
-from .console import clear_errors, print_table, progress, say
+from .console import check_folder, clear_errors, print_table, progress, say
 
 
 def prove(
@@ -77,6 +77,7 @@ def prove(
         shaftline prove --cases 200 --seed 7 --sindy --out out/prove-7
     """
     with clear_errors():
+        check_folder(out)
         if variant not in VARIANTS:
             known = ", ".join(VARIANTS)
             raise ValueError(f"--variant {variant}: no such variant; known: {known}")

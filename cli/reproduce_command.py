@@ -8,7 +8,7 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from ..core.files import write_json
+from ..core.files import check_writable, write_json
 from ..studies import reproduce as study
 from ..studies.reproduced import Cells
 from .console import check_folder, clear_errors, print_table, progress, say
@@ -46,6 +46,8 @@ def reproduce(
         if table not in {ALL, *study.TABLES}:
             raise ValueError(f"unknown table {table!r}; known: {', '.join([ALL, *study.TABLES])}")
         check_folder(out)
+        if json is not None:
+            check_writable(json)
         numbers, cells = {}, {}
         for name in study.TABLES if table == ALL else [table]:
             make, ticks = study.TABLES[name]

@@ -8,7 +8,7 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from ..core.files import write_atomically
+from ..core.files import check_writable, write_atomically
 from ..display import figures
 from ..observers import follow_table, get_observer
 from ..observers.metrics import with_noisy_readings
@@ -61,6 +61,10 @@ def simulate(
             raise ValueError("give either --inputs RECORDING.csv or --case NAME")
         if out is None and figure is None:
             raise ValueError("nothing to write: give --out FILE.csv, --figure FILE.png or both")
+        for file in filter(None, (out, figure)):
+            check_writable(file)
+        if figure is not None:
+            figures.check_picture(figure)
         vessel = load_ship(ship)
         if tuning is not None and observer is None:
             raise ValueError("--tuning belongs to an --observer")

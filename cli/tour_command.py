@@ -11,7 +11,7 @@ from ..core.files import write_atomically
 from ..display import figures
 from ..studies import tour as study
 from ..studies.thesis.vaf import ROWS
-from .console import clear_errors, print_table, progress, say
+from .console import check_folder, clear_errors, print_table, progress, say
 
 
 def tour(
@@ -26,6 +26,7 @@ def tour(
     which it was measured and says where model and measurement differ most.
     """
     with clear_errors():
+        check_folder(out)
         say(
             "A frigate sails 300 s of head seas; each observer estimates from shaft speed, torque and "
             "pitch how fast the water meets the propeller."

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import stat
+import tempfile
+import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeAlias, TypeVar, cast
 
 import numba
+from numba.misc.appdirs import AppDirs
 
 Record: TypeAlias = Any
 """One element of a NumPy structured array, as a kernel sees it (fields as attributes)."""
@@ -43,6 +48,57 @@ def _drop_stale_kernels() -> None:
 
 
 _drop_stale_kernels()
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def kernels_kept_in(beside: Path, home: Path, temporary: Path) -> Path | None:
+    """A folder of its own for the machine code, where none of the usual places can be written to.
+
+    What lies there is run: so it is a folder that nobody else can write to.
+
+    Args:
+        beside: the package's own.
+        home: the user's.
+        temporary: where a folder may be made.
+
+    Returns:
+        None where one of the usual places will do.
+    """
+    if _is_writable(beside) or _is_writable(home):
+        return None
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = temporary / f"shaftline-kernels-{user}"
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        state = folder.lstat()
+        if stat.S_ISDIR(state.st_mode) and state.st_uid == user and not state.st_mode & 0o077:
+            return folder
+    return Path(tempfile.mkdtemp(prefix="shaftline-kernels-", dir=temporary))
+
+
+_settings: Any = numba.config
+_appdirs: Any = AppDirs
+if not _settings.CACHE_DIR:  # what the user has set goes before
+    _kept = kernels_kept_in(
+        Path(__file__).parent / "__pycache__",
+        Path(_appdirs(appname="numba", appauthor=False).user_cache_dir),
+        Path(tempfile.gettempdir()),
+    )
+    if _kept is not None:
+        _settings.CACHE_DIR = str(_kept)
+        warnings.warn(
+            f"neither the package nor the home can be written to: compiled kernels are kept in {_kept}",
+            RuntimeWarning,
+            stacklevel=1,
+        )
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:

@@ -1,21 +1,118 @@
-"""Writing files so that nobody ever sees half of one."""
+"""Files: only real ones are read, nobody ever sees half of one, and what cannot be is said first."""
 
 from __future__ import annotations
 
 import json
 import os
 import tempfile
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+LARGEST_TEXT = 20_000_000
+"""Of a file of settings: a ship, a column map, a recipe [bytes]."""
+
+
+class FileError(ValueError):
+    """A file that cannot be read or written; the message names it."""
+
+
+def refuse_special(path: Path) -> None:
+    """Refuse what is there under a name and is no ordinary file: a folder, a device, a pipe, a socket.
+
+    Raises:
+        FileError: names it.
+    """
+    try:
+        special = path.exists() and not path.is_file()
+    except (OSError, ValueError) as error:  # a name too long, or with a null in it
+        raise FileError(f"{str(path)!r}: cannot be a file: {error}") from None
+    if special:
+        what = "a folder" if path.is_dir() else "no ordinary file but a device, a pipe or a socket"
+        raise FileError(f"{path}: is {what}")
+
+
+def check_writable(path: Path) -> None:
+    """Refuse a place that cannot be written to, before the work whose result it shall hold.
+
+    Args:
+        path: a file, or a folder; nothing of it needs to be there, and nothing is left there.
+
+    Raises:
+        FileError: a device, a name that no file can have, or a folder that is read-only or full.
+    """
+    if path.is_dir():
+        nearest = path
+    else:
+        refuse_special(path)
+        nearest = next(folder for folder in path.absolute().parents if folder.exists())
+    if not nearest.is_dir():
+        raise FileError(f"{path}: {nearest} is a file, so nothing can be written below it")
+    try:
+        with tempfile.TemporaryFile(dir=nearest) as probe:
+            probe.write(bytes(4096))
+            probe.flush()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be written to: {error.strerror}") from None
+
+
+def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
+    """The text of a file.
+
+    Args:
+        path: of the file.
+        largest: its size may be [bytes].
+
+    Raises:
+        FileError: not an ordinary file, larger, unreadable, or no text.
+    """
+    try:
+        refuse_special(path)
+        size = path.stat().st_size
+        if size > largest:
+            raise FileError(f"{path}: {size / 1e6:.0f} MB; at most {largest / 1e6:.0f} MB are read")
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: cannot be read: {error}") from None
+
+
+def toml_of(text: str, source: str) -> dict[str, Any]:
+    """A TOML text as a tree.
+
+    Args:
+        text: of a file.
+        source: named in the message.
+
+    Raises:
+        FileError: not valid, or nested too deeply.
+    """
+    try:
+        return tomllib.loads(text)
+    except (
+        tomllib.TOMLDecodeError,
+        ValueError,
+    ) as error:  # a number of too many digits is a ValueError
+        raise FileError(f"{source}: not valid TOML: {error}") from None
+    except RecursionError:
+        raise FileError(f"{source}: not valid TOML: nested too deeply") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """A TOML file as a tree; raises as :func:`read_text` and :func:`toml_of`."""
+    return toml_of(read_text(path), str(path))
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then rename it into place.
 
     Raises:
+        FileError: what is there is no ordinary file.
         OSError: the folder cannot be written to; nothing is left behind.
     """
+    refuse_special(path)
+    if path.is_symlink():  # the file that it points to is replaced, not the link
+        path = path.resolve()
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     os.close(handle)

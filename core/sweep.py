@@ -9,6 +9,10 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import os
+import signal
+import threading
+import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -17,11 +21,14 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 import joblib
+from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from .files import write_text
 
 BACKENDS = ("processes", "dask")
+
+_WATCH, _WATCH_S = "shaftline watches its parent", 1.0  # name and pace of a worker's watch
 
 _PATIENCE_S = 10.0  # for a scheduler to answer and for its first worker
 
@@ -91,8 +98,30 @@ def sweep(
     return {name: json.loads(path.read_text(encoding="utf-8")) for name, path in paths.items()}
 
 
-def _attempt(work: Callable[[Cell], Any], name: str, cell: Cell) -> Found:
+def _watched(home: int) -> None:
+    """In a worker: leave Ctrl-C to the process that began it, and go when that has gone.
+
+    Args:
+        home: number of that process.
+    """
+    if os.getpid() == home or threading.current_thread() is not threading.main_thread():
+        return
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if any(thread.name == _WATCH for thread in threading.enumerate()):
+        return
+
+    def watch() -> None:
+        while os.getppid() == home:
+            time.sleep(_WATCH_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, name=_WATCH, daemon=True).start()
+
+
+def _attempt(work: Callable[[Cell], Any], name: str, cell: Cell, home: int | None = None) -> Found:
     """One bad cell does not stop the rest."""
+    if home is not None:
+        _watched(home)
     try:
         return name, json.dumps(work(cell), allow_nan=False), None
     except Exception as error:
@@ -131,7 +160,11 @@ def _machine(work: Callable[[Cell], Any], cells: Mapping[str, Cell], jobs: int) 
         with warnings.catch_warnings():
             # loky replaces a process whose memory has grown; no cell is lost by it
             warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
-            yield from parallel(joblib.delayed(_attempt)(work, *item) for item in cells.items())
+            tasks = (joblib.delayed(_attempt)(work, *item, os.getpid()) for item in cells.items())
+            yield from parallel(tasks)
+    except KeyboardInterrupt:
+        get_reusable_executor().shutdown(wait=False, kill_workers=True)
+        raise
     except BrokenProcessPool as error:
         why = str(error).split(". ")[0].strip()
         raise SweepError(

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..core.files import write_atomically
+from ..core.files import FileError, write_atomically
 from ..core.lazy import control
 from ..plant import Ship
 from ..plant.drives.diesel import torque_limit
@@ -32,8 +33,24 @@ def new_figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figu
     return figure, axes
 
 
+def check_picture(path: Path) -> None:
+    """Refuse a path whose ending is that of no picture.
+
+    Raises:
+        FileError: names the endings that are known.
+    """
+    known = sorted(FigureCanvasAgg.get_supported_filetypes())
+    if path.suffix[1:].lower() not in known:
+        raise FileError(f"{path}: a picture's file ends in .{', .'.join(known)}")
+
+
 def save(figure: Figure, path: Path, dpi: int = 110) -> None:
-    """Write a figure as PNG, or as the path's ending says."""
+    """Write a figure as PNG, or as the path's ending says.
+
+    Raises:
+        FileError: an ending that no picture has.
+    """
+    check_picture(path)
     write_atomically(path, lambda file: figure.savefig(file, dpi=dpi))
 
 

@@ -18,6 +18,9 @@ ACTION_MODES = ("rack", "shaft-speed")
 
 SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
 
+LARGEST_EPISODE = 10_000_000
+"""Control intervals: about two months of a command every half second."""
+
 SeaRange = tuple[Sea, Sea]
 """Lowest and highest value of every parameter; an episode draws each uniformly between them."""
 
@@ -74,6 +77,11 @@ class Settings:
         for name in ("control_interval_s", "episode_s"):
             if not 0.0 < getattr(found, name) < math.inf:
                 raise ValueError(f"{name} = {getattr(found, name)!r} s: must be above 0 and finite")
+        if found.intervals > LARGEST_EPISODE:
+            raise ValueError(
+                f"episode_s = {found.episode_s!r} s: {found.intervals:.3g} control intervals; an "
+                f"episode has at most {LARGEST_EPISODE:.0e}"
+            )
         if found.intervals < 1:
             raise ValueError(
                 f"episode_s = {found.episode_s!r} s is shorter than a control interval of "

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..core.files import refuse_special
+from ..core.sizes import SizeError, check_size
 from .columns import BOUNDS, TIME
 
 
@@ -51,11 +53,16 @@ def read_table(path: Path) -> pd.DataFrame:
     """
     parquet = path.suffix.lower() in (".parquet", ".pq")
     try:
+        refuse_special(path)
+        # numbers take about as much in memory as in a text; a table that is packed takes more
+        check_size(path.stat().st_size, 10.0 if parquet else 2.0, f"bytes of {path}")
         return pd.read_parquet(path) if parquet else pd.read_csv(path)
     except ImportError:
         raise RecordingError(
             f"{path}: Parquet needs pyarrow: pip install 'shaftline[parquet]'"
         ) from None
+    except SizeError as error:
+        raise RecordingError(str(error)) from None
     except (OSError, ValueError) as error:  # pandas' and pyarrow's own are ValueErrors
         kind = "Parquet" if parquet else "CSV"
         raise RecordingError(f"{path}: cannot be read as {kind}: {error}") from None

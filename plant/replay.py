@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..core.sizes import check_size
 from .columns import (
     IN_A_TURN,
     MEASURED,
@@ -96,6 +97,8 @@ class Replay:
         self.time_s = time - time[0]
         self.per_row = max(1, math.ceil(self.interval_s / ship.time_step_s - 1e-9))
         self.dt = self.interval_s / self.per_row
+        steps = float(self.rows) * self.per_row
+        check_size(steps, SAMPLE.itemsize + 80.0, f"steps of {self.dt:.3g} s in its span")
         ship.with_values({"integration.time_step_s": self.dt})  # for its checks
         self.drive_rows = self._column(drive_column(ship))
         self.command = np.full(self.rows, ship.propeller.pitch_ratio_max)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import get_args
@@ -12,7 +11,7 @@ import tomli_w
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ..core.files import write_text
+from ..core.files import FileError, read_text, toml_of, write_text
 from .keys import allowed_range, default_of, unit_of
 from .ship import Ship
 from .ship_errors import ShipError, kinds, tag_of, validated
@@ -51,18 +50,13 @@ def load_ship(ship: str | Path | Ship) -> Ship:
             "or give the path of a .toml file"
         )
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ShipError(f"{path}: cannot be read: {error}") from None
-    return _parsed(text, str(path))
+        return _parsed(read_text(path), str(path))
+    except FileError as error:
+        raise ShipError(str(error)) from None
 
 
 def _parsed(text: str, source: str) -> Ship:
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ShipError(f"{source}: not valid TOML: {error}") from None
-    return validated(Ship, tree, source)
+    return validated(Ship, toml_of(text, source), source)
 
 
 def write_ship(ship: Ship, path: Path) -> Path:

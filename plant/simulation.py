@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from ..core.sizes import check_size
 from .memory import MEMORY
 from .rudder import rudder_angle
 from .ship import Ship
@@ -210,6 +211,7 @@ def simulate(
         ship = ship.with_values({"integration.time_step_s": dt})
     dt = ship.time_step_s
     steps = max(1, math.ceil(duration_s / dt - 1e-9))
+    check_size(steps, SAMPLE.itemsize + 40.0, f"time steps of {dt:g} s in {duration_s:g} s")
     grid = np.arange(steps, dtype=np.float64) * dt
     half_grid = np.arange(2 * steps + 1, dtype=np.float64) * (0.5 * dt)
     heard = {

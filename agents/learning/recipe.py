@@ -9,14 +9,24 @@ the tasks' own forms stand in ``recipes/forms.yml``, and what a recipe says of i
 from __future__ import annotations
 
 import inspect
+import itertools
 from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
+from ...core.files import FileError, read_text
+from ...core.sizes import check_size
 from ...envs import Task, Weights, get_task
 from ..policy.residual import Form
 
@@ -24,6 +34,16 @@ ALGORITHMS = ("ppo", "sac")
 _SET_HERE = {"env", "policy", "verbose", "seed", "device", "tensorboard_log", "_init_setup_model"}
 _TAKEN = {"num_envs", "task", "ship", "threads", "action_mode", "control_interval_s"}
 """Keywords of the environment that are given elsewhere, or that judging and the adapter rest on."""
+
+
+_RANGES = {
+    "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0), "learning_rate": (0.0, 10.0), "tau": (0.0, 1.0),
+    "clip_range": (0.0, 10.0), "n_steps": (0.0, 1e9), "batch_size": (0.0, 1e9), "n_epochs": (0.0, 1e6),
+    "buffer_size": (0.0, 1e12), "max_grad_norm": (0.0, 1e9),
+}  # fmt: skip
+"""Of hyperparameters: above the first, at most the second."""
+
+_BYTES_A_STEP, _BYTES_A_WEIGHT = 1000.0, 64.0  # gradients, moments, both networks
 
 
 class RecipeError(ValueError):
@@ -53,6 +73,28 @@ class Recipe(BaseModel):
     @classmethod
     def _whole(cls, value: Any) -> Any:
         return int(value) if isinstance(value, float) and value.is_integer() else value
+
+    @model_validator(mode="after")
+    def _within_ranges(self) -> Recipe:
+        """What the algorithms would take without a word and train into nonsense or out of memory."""
+        for key, (low, high) in _RANGES.items():
+            given = self.hyperparameters.get(key)
+            if isinstance(given, str):
+                try:
+                    given = float(given.removeprefix("lin_"))
+                except ValueError:
+                    continue  # a word, such as SAC's "auto"
+            if isinstance(given, int | float) and not low < given <= high:
+                raise ValueError(f"{key} = {given:g}: must be above {low:g} and at most {high:g}")
+        rollout = float(self.hyperparameters.get("n_steps", 1)) * self.n_envs
+        kept = float(self.hyperparameters.get("buffer_size", 0))
+        check_size(max(rollout, kept), _BYTES_A_STEP, "steps kept (n_steps n_envs, or buffer_size)")
+        net = (self.hyperparameters.get("policy_kwargs") or {}).get("net_arch") or []
+        layers = net if isinstance(net, list) else [n for part in net.values() for n in part]
+        widths = [float(n) for n in layers if isinstance(n, int | float)]
+        weights = sum(a * b for a, b in itertools.pairwise([256.0, *widths, 256.0]))
+        check_size(weights, _BYTES_A_WEIGHT, "weights of a network (net_arch)")
+        return self
 
     def rewarded(self) -> Task:
         """The task with the weights of this training."""
@@ -93,8 +135,10 @@ def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: 
     if path is None and not file.is_file():
         raise RecipeError(f"no recipes for {algorithm} come with the package; give a file of yours")
     try:
-        sections = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError) as error:
+        sections = yaml.safe_load(read_text(file))
+    except FileError as error:
+        raise RecipeError(str(error)) from None
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise RecipeError(f"{file}: cannot be read as YAML ({error})") from None
     if not isinstance(sections, dict) or not isinstance(sections.get(task), dict):
         known = ", ".join(map(str, sections)) if isinstance(sections, dict) else "none"

@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import functools
 import math
-import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
@@ -41,6 +40,7 @@ from pydantic import (
     model_validator,
 )
 
+from ...core.files import FileError, read_toml
 from ...plant.columns import BOUNDS, COLUMNS, TIME
 from ...plant.expressions import FUNCTIONS
 from ...plant.recording import RecordingError
@@ -256,13 +256,9 @@ def load_map(path: str | Path) -> ColumnMap:
     """
     path = Path(path)
     try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{path}: cannot be read: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise RecordingError(f"{path}: not valid TOML: {error}") from None
-    try:
-        return ColumnMap.model_validate(tree)
+        return ColumnMap.model_validate(read_toml(path))
+    except FileError as error:
+        raise RecordingError(str(error)) from None
     except ValidationError as error:
         lines = [f"{path}: {_explained(dict(item))}" for item in error.errors()]
         raise RecordingError("\n".join(lines)) from None

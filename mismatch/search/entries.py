@@ -20,12 +20,12 @@ wherever the effect is tried.
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from ...core.files import read_text, toml_of
 from ...plant.terms import NO_BOUND, Term
 from .catalogue import Effect, Parameter
 
@@ -167,10 +167,7 @@ def entries_of(text: str, source: str = "catalogue") -> tuple[Effect, ...]:
     Raises:
         ValueError: what is wrong, with the entry's id and the key.
     """
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{source}: not valid TOML: {error}") from None
+    tree = toml_of(text, source)
     try:
         given = _File.model_validate(tree)
     except ValidationError as error:
@@ -196,11 +193,7 @@ def read_entries(path: Path) -> tuple[Effect, ...]:
     Raises:
         ValueError: it cannot be read or used; names file, entry and key.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read: {error}") from None
-    found = entries_of(text, str(path))
+    found = entries_of(read_text(path), str(path))
     if not found:
         raise ValueError(f"{path}: no [[term]] and no [[effect]] in it")
     return found
