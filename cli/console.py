@@ -61,7 +61,7 @@ def check_folder(out: Path) -> None:
     """
     if out.exists() and not out.is_dir():
         raise ValueError(f"--out {out}: is a file; a folder is needed")
-    check_writable(out)
+    check_writable(out, folder=True)
 
 
 def say(text: str) -> None:

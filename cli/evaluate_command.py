@@ -20,6 +20,7 @@ from ..core.files import write_atomically
 from ..core.sweep import check_backend
 from ..display import figures
 from ..envs import DEFAULTS, FrigateEnv, get_task, tasks
+from ..envs.settings import LONGEST_S
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
 from .console import Backend, check_folder, clear_errors, print_table, progress, say
@@ -52,7 +53,7 @@ def evaluate(
     ] = None,
     seeds: Annotated[int, typer.Option(min=1, help="Episodes; equal seeds meet equal seas.")] = 20,
     episode_s: Annotated[
-        float, typer.Option(min=1.0, help="Length of an episode [s].")
+        float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
     ] = DEFAULTS.episode_s,
     out: Annotated[Path, typer.Option(help="Folder for table, CSV, JSON, figures.")] = Path(
         "out/evaluate"

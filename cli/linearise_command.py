@@ -90,6 +90,10 @@ def _point(
     if drive is None:
         assert speed is not None
         return approach(ship, speed, pitch)
+    low, high = (float(ship.record()[f"drive_{end}"]) for end in ("min", "max"))
+    if not low <= drive <= high:
+        unit = ship.prime_mover.demand.unit
+        raise ValueError(f"--drive {drive:g} {unit}: must be from {low:g} to {high:g} {unit}")
     return equilibrium(ship, drive, ship.propeller.pitch_ratio_max if pitch is None else pitch)
 
 

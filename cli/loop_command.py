@@ -95,6 +95,8 @@ def loop(
         check_folder(out)
         if json is not None:
             check_writable(json)
+        if not 0.0 < interval <= 60.0:
+            raise ValueError(f"--interval {interval:g} s: must be above 0 and at most 60")
         vessel = load_ship(ship)
         found, about = _loop(controller, vessel, speed, interval, command, reading, pitch)
         if not found.stable:

@@ -23,7 +23,7 @@ from .console import check_folder, clear_errors, print_table, progress, say
 
 
 def prove(
-    cases: Annotated[int, typer.Option(min=1, help="How many concealed cases.")] = 200,
+    cases: Annotated[int, typer.Option(min=1, max=100_000, help="How many concealed cases.")] = 200,
     seed: Annotated[int, typer.Option(min=0, help="Decides every case.")] = 1,
     out: Annotated[
         Path, typer.Option(help="Folder for the cases, the page and its tables.")

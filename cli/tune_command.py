@@ -8,6 +8,7 @@ import typer
 
 from ..baselines import controller_names
 from ..envs import DEFAULTS, get_task, tasks
+from ..envs.settings import LONGEST_S
 from ..observers import get_observer
 from .console import clear_errors, needs_train, say, stages
 from .machine import numbers
@@ -30,7 +31,7 @@ def tune(
     rounds: Annotated[int, typer.Option(min=1, help="Generations of the search.")] = 40,
     seeds: Annotated[int, typer.Option(min=1, help="Episodes that each candidate sails.")] = 24,
     episode_s: Annotated[
-        float, typer.Option(min=1.0, help="Length of an episode [s].")
+        float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
     ] = DEFAULTS.episode_s,
     seed: Annotated[int, typer.Option(min=0, help="Equal seeds find equal constants.")] = 0,
     observer: Annotated[

@@ -33,20 +33,20 @@ def refuse_special(path: Path) -> None:
         raise FileError(f"{path}: is {what}")
 
 
-def check_writable(path: Path) -> None:
+def check_writable(path: Path, folder: bool = False) -> None:
     """Refuse a place that cannot be written to, before the work whose result it shall hold.
 
     Args:
-        path: a file, or a folder; nothing of it needs to be there, and nothing is left there.
+        path: of a file or a folder; nothing of it needs to be there, and nothing is left there.
+        folder: which of the two.
 
     Raises:
         FileError: a device, a name that no file can have, or a folder that is read-only or full.
     """
-    if path.is_dir():
-        nearest = path
-    else:
+    if not (folder and path.is_dir()):
         refuse_special(path)
-        nearest = next(folder for folder in path.absolute().parents if folder.exists())
+    places = [path.absolute(), *path.absolute().parents]
+    nearest = next(place for place in places[0 if folder else 1 :] if place.exists())
     if not nearest.is_dir():
         raise FileError(f"{path}: {nearest} is a file, so nothing can be written below it")
     try:
@@ -112,7 +112,7 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """
     refuse_special(path)
     if path.is_symlink():  # the file that it points to is replaced, not the link
-        path = path.resolve()
+        path = Path(os.path.realpath(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     os.close(handle)

@@ -75,6 +75,8 @@ class Settings:
                 f"unknown action_mode {found.action_mode!r}; known: {', '.join(ACTION_MODES)}"
             )
         for name in ("control_interval_s", "episode_s"):
+            if not isinstance(getattr(found, name), int | float):
+                raise ValueError(f"{name} = {getattr(found, name)!r}: must be a number of seconds")
             if not 0.0 < getattr(found, name) < math.inf:
                 raise ValueError(f"{name} = {getattr(found, name)!r} s: must be above 0 and finite")
         if found.intervals > LARGEST_EPISODE:
@@ -111,6 +113,9 @@ class Settings:
 
 DEFAULTS = Settings()
 """Every default of the environments."""
+
+LONGEST_S = LARGEST_EPISODE * DEFAULTS.control_interval_s
+"""Of an episode at the usual interval [s]."""
 
 
 def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:

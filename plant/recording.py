@@ -56,11 +56,18 @@ def read_table(path: Path) -> pd.DataFrame:
         refuse_special(path)
         # numbers take about as much in memory as in a text; a table that is packed takes more
         check_size(path.stat().st_size, 10.0 if parquet else 2.0, f"bytes of {path}")
-        return pd.read_parquet(path) if parquet else pd.read_csv(path)
+        if parquet:
+            return pd.read_parquet(path)
+        head = pd.read_csv(path, header=None, nrows=1, dtype=str).iloc[0].dropna()
+        if twice := head[head.duplicated()].tolist():
+            raise RecordingError(f"{path}: column {twice[0]!r} stands twice")
+        return pd.read_csv(path)
     except ImportError:
         raise RecordingError(
             f"{path}: Parquet needs pyarrow: pip install 'shaftline[parquet]'"
         ) from None
+    except RecordingError:
+        raise
     except SizeError as error:
         raise RecordingError(str(error)) from None
     except (OSError, ValueError) as error:  # pandas' and pyarrow's own are ValueErrors

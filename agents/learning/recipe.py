@@ -83,13 +83,18 @@ class Recipe(BaseModel):
                 try:
                     given = float(given.removeprefix("lin_"))
                 except ValueError:
-                    continue  # a word, such as SAC's "auto"
+                    raise ValueError(f"{key} = {given!r}: must be a number") from None
             if isinstance(given, int | float) and not low < given <= high:
                 raise ValueError(f"{key} = {given:g}: must be above {low:g} and at most {high:g}")
         rollout = float(self.hyperparameters.get("n_steps", 1)) * self.n_envs
         kept = float(self.hyperparameters.get("buffer_size", 0))
         check_size(max(rollout, kept), _BYTES_A_STEP, "steps kept (n_steps n_envs, or buffer_size)")
-        net = (self.hyperparameters.get("policy_kwargs") or {}).get("net_arch") or []
+        policy = self.hyperparameters.get("policy_kwargs") or {}
+        if not isinstance(policy, dict):
+            raise ValueError(f"policy_kwargs = {policy!r}: must be a mapping")
+        net = policy.get("net_arch") or []
+        if not isinstance(net, list | dict):
+            raise ValueError(f"net_arch = {net!r}: must be a list of widths, or lists by network")
         layers = net if isinstance(net, list) else [n for part in net.values() for n in part]
         widths = [float(n) for n in layers if isinstance(n, int | float)]
         weights = sum(a * b for a, b in itertools.pairwise([256.0, *widths, 256.0]))
@@ -161,7 +166,9 @@ def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: 
         recipe.rewarded()
     except ValidationError as error:
         said = "; ".join(
-            f"{'.'.join(map(str, e['loc'])) or 'recipe'} = {e['input']!r}: {e['msg']}"
+            f"{'.'.join(map(str, e['loc']))} = {e['input']!r}: {e['msg']}"
+            if e["loc"]
+            else e["msg"].removeprefix("Value error, ")  # of several keys: it names them itself
             for e in error.errors()
         )
         raise RecipeError(f"{file}: [{task}] {said}") from None

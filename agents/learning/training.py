@@ -106,7 +106,7 @@ def _built(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list
         return PPO(
             PrivilegedCriticPolicy, venv, seed=seed, device=device, policy_kwargs=policy, **chosen
         ), falling
-    except (AssertionError, TypeError, ValueError) as error:
+    except (AssertionError, AttributeError, RuntimeError, TypeError, ValueError) as error:
         raise RecipeError(f"{recipe.algorithm.upper()} refuses the recipe: {error}") from None
 
 

@@ -1,0 +1,89 @@
+"""A folder of hostile files, made once."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SHIP = Path(__file__).parents[2] / "plant/ships/frigate.toml"
+TRAINING = "transit:\n  n_envs: 4\n  n_timesteps: 64\n"
+HEAD = "time_s,fuel_rack_mm,pitch_ratio_command\n"
+
+
+def _texts(mark: Path) -> dict[str, str]:
+    ship = SHIP.read_text(encoding="utf-8")
+    mass = "mass_kg = 3.3e6"
+    recipes = {
+        "gamma": "gamma: 5", "rate": "learning_rate: -1", "steps": "n_steps: 1000000000",
+        "net": "policy_kwargs: {net_arch: [1000000, 1000000]}",
+        "endless": "env_kwargs: {episode_s: .inf}",
+        "long": "env_kwargs: {episode_s: 1.0e+12}", "words": "env_kwargs: {episode_s: 1.0e12}",
+        "nan": "gamma: .nan", "high": "gamma: high", "thin": "policy_kwargs: {net_arch: [-3]}",
+        "big": "policy_kwargs: {net_arch: big}", "batch": "batch_size: 0", "five": "policy_kwargs: 5",
+        "noise": "env_kwargs: {sensor_noise: .nan}", "nobody": "env_kwargs: {observer: nobody}",
+        "fule": "weights: {fule: 1}", "buffer": "buffer_size: 1000000000000",
+    }  # fmt: skip
+    return {
+        "nested.toml": "a = " + "[" * 20000 + "]" * 20000,
+        "dotted.toml": "a." * 30000 + "b = 1",
+        "digits.toml": ship.replace("3.3e6", "9" * 5000),
+        "empty.toml": "",
+        "fine.toml": ship + "\n[integration]\ntime_step_s = 1e-9\n",
+        "list.toml": ship.replace(mass, "mass_kg = [1.0]"),
+        "date.toml": ship.replace(mass, "mass_kg = 1979-05-27"),
+        "bool.toml": ship.replace(mass, "mass_kg = true"),
+        "inf.toml": ship.replace(mass, "mass_kg = inf"),
+        "term.toml": '[[term]]\nid = "x"\n',
+        "code.toml": '[[term]]\nid = "x"\nbalance = "shaft"\nformula = "'
+        f"__import__('os').system('touch {mark}')\"\n",
+        "unit.toml": '[columns]\ntime_s = {name = "t", unit = "m**9**9**9**9"}\n',
+        "deep-map.toml": "x = " + "{a=" * 3000 + "1" + "}" * 3000,
+        "empty.csv": "",
+        "one.csv": "time_s\n",
+        "text.csv": "hello\nworld\n",
+        "ok.csv": HEAD + "".join(f"{0.1 * i:.1f},20,1.2\n" for i in range(50)),
+        "span.csv": HEAD + "0,20,1.2\n1e12,20,1.2\n2e12,20,1.2\n",
+        "nan.csv": HEAD + "0,20,1.2\n1,nan,1.2\n2,20,1.2\n",
+        "twice.csv": "time_s,fuel_rack_mm,fuel_rack_mm,pitch_ratio_command\n0,20,20,1.2\n1,20,20,1.2\n",
+        "file": "x",
+        "tag.yml": f"transit: !!python/object/apply:os.system ['touch {mark}']\n",
+        "list.yml": "- 1\n- 2\n",
+        "deep.yml": "transit: " + "[" * 5000 + "]" * 5000,
+        "crowd.yml": "transit:\n  n_envs: 100000\n  n_timesteps: 64\n",
+        "minus.yml": "transit:\n  n_envs: 4\n  n_timesteps: -5\n",
+        "junk.npz": "PK junk",
+        **{f"{name}.yml": f"{TRAINING}  {line}\n" for name, line in recipes.items()},
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def mark(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What appears where a file's code was run."""
+    return tmp_path_factory.mktemp("mark") / "ran"
+
+
+@pytest.fixture(scope="session")
+def hostile(tmp_path_factory: pytest.TempPathFactory, mark: Path) -> Path:
+    """The folder."""
+    folder = tmp_path_factory.mktemp("hostile")
+    for name, text in _texts(mark).items():
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "latin.toml").write_bytes(b"name = 'caf\xe9'")
+    (folder / "bytes.csv").write_bytes(np.random.default_rng(0).bytes(5000))
+    (folder / "folder.toml").mkdir()
+    for ending in ("toml", "csv", "yml", "npz"):
+        os.mkfifo(folder / f"pipe.{ending}")
+        (folder / f"zero.{ending}").symlink_to("/dev/zero")
+    (folder / "null.csv").symlink_to("/dev/null")
+    np.savez(folder / "other.npz", a=np.arange(3))
+    with (
+        zipfile.ZipFile(folder / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as file,
+        file.open("about.npy", "w") as member,
+    ):
+        for _ in range(200):
+            member.write(bytes(1_000_000))
+    return folder

@@ -1,0 +1,164 @@
+"""The same of what is called from Python, and of processes that end before their time."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shaftline.core.compiled import kernels_kept_in
+from shaftline.core.files import FileError, check_writable, write_text
+from shaftline.core.sizes import SizeError, check_size
+from shaftline.envs import FrigateEnv
+from shaftline.plant import Schedule, State, load_ship, simulate
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"episode_s": float("inf")}, "episode_s = inf"),
+        ({"episode_s": float("nan")}, "episode_s = nan"),
+        ({"episode_s": 1e12}, "an episode has at most"),
+        ({"episode_s": "long"}, "must be a number"),
+        ({"episode_s": -1.0}, "episode_s = -1.0"),
+        ({"control_interval_s": 0.0}, "control_interval_s = 0.0"),
+        ({"control_interval_s": 0.333}, "multiple of the time step"),
+        ({"control_interval_s": None}, "must be a number"),
+        ({"sensor_noise": float("nan")}, "sensor_noise = nan"),
+        ({"sensor_noise": {"nobody": 1.0}}, "known instruments"),
+        ({"sensor_noise": {"shaft_torque": -1.0}}, "rms of 0 or more"),
+        ({"randomise": {"hull.nobody": 0.1}}, "hull.nobody"),
+        ({"randomise": {"hull.mass_kg": float("nan")}}, "hull.mass_kg"),
+        ({"observer": "nobody"}, "unknown observer"),
+        ({"task": "nobody"}, "nobody"),
+        ({"ship": "kvlcc2"}, "kvlcc2"),
+        ({"sea": "state-99"}, "state-99"),
+        ({"sea": {"hs_m": (5.0, 1.0), "tp_s": 9.0}}, "lowest and a highest"),
+        ({"sea": []}, "must be a preset"),
+        ({"action_mode": "nobody"}, "unknown action_mode"),
+        ({"nobody": 1}, "unknown keyword"),
+    ],
+)
+def test_environments_say_what_they_cannot_be(settings: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        FrigateEnv(**settings)
+
+
+@pytest.mark.parametrize("duration", [1e12, float("inf"), 1e300])
+def test_a_span_that_no_memory_holds_is_refused_at_once(duration: float) -> None:
+    ship = load_ship("frigate")
+    with pytest.raises((ValueError, OverflowError)):
+        simulate(ship, Schedule(20.0, 1.2), duration, initial=State(1.2, 5.0, 3.0))
+
+
+def test_sizes_say_how_many_there_may_be() -> None:
+    check_size(1e6, 1000.0, "samples")
+    for count in (1e9, float("inf"), float("nan")):
+        with pytest.raises(SizeError, match=r"samples: at most 8e\+06"):
+            check_size(count, 1000.0, "samples")
+
+
+def test_a_device_is_neither_replaced_nor_written_to(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    link = tmp_path / "link.csv"
+    link.symlink_to("/dev/null")
+    for path in (pipe, link, Path("/dev/null"), tmp_path):
+        with pytest.raises(FileError, match=r"no ordinary file|is a folder"):
+            write_text(path, "text")
+        with pytest.raises(FileError, match=r"no ordinary file|is a folder"):
+            check_writable(path)
+    assert pipe.is_fifo()
+    assert link.is_symlink()
+
+
+def test_a_link_stays_one_and_its_file_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    target = tmp_path / "there" / "file.txt"
+    target.write_text("old")
+    link = tmp_path / "link.txt"
+    link.symlink_to(target)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+
+
+def test_nothing_is_left_by_trying_a_place(tmp_path: Path) -> None:
+    check_writable(tmp_path / "new" / "folder" / "file.csv")
+    check_writable(tmp_path / "new" / "folder", folder=True)
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(FileError, match="is a file"):
+        check_writable(tmp_path / "file" / "below" / "a.csv")
+
+
+def test_kernels_find_a_private_place_where_the_usual_ones_cannot_be_written_to(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "file").write_text("x")
+    none = tmp_path / "file" / "below"
+    assert kernels_kept_in(tmp_path / "a", none, tmp_path) is None
+    assert kernels_kept_in(none, tmp_path / "b", tmp_path) is None
+    found = kernels_kept_in(none, none, tmp_path)
+    assert found is not None
+    assert found.stat().st_mode & 0o077 == 0
+    assert kernels_kept_in(none, none, tmp_path) == found  # again the same
+    found.chmod(0o777)  # as if somebody else had made it
+    other = kernels_kept_in(none, none, tmp_path)
+    assert other not in (None, found)
+
+
+WORK = """
+import sys, time
+from pathlib import Path
+from shaftline.core.sweep import sweep
+def work(cell):
+    import os, time
+    Path(sys.argv[1], f"pid-{os.getpid()}").touch()
+    time.sleep(60)
+sweep(work, {str(k): k for k in range(4)}, Path(sys.argv[1]) / "cells", jobs=2)
+"""
+
+
+def _workers(folder: Path, count: int) -> list[int]:
+    for _ in range(300):
+        found = [int(file.name[4:]) for file in folder.glob("pid-*")]
+        if len(found) >= count:
+            return found
+        time.sleep(0.1)
+    raise AssertionError("no workers began")
+
+
+def _gone(pids: list[int]) -> bool:
+    for _ in range(100):
+        alive = [p for p in pids if Path(f"/proc/{p}/stat").exists() and " Z " not in
+                 Path(f"/proc/{p}/stat").read_text()]  # fmt: skip
+        if not alive:
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc to see processes")
+@pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGINT])
+def test_no_worker_outlives_its_parent(tmp_path: Path, blow: signal.Signals) -> None:
+    (tmp_path / "work.py").write_text(WORK)
+    parent = subprocess.Popen(
+        [sys.executable, str(tmp_path / "work.py"), str(tmp_path)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    workers = _workers(tmp_path, 2)
+    if blow is signal.SIGINT:  # as a terminal does: to all of them
+        os.killpg(parent.pid, signal.SIGINT)
+    else:
+        parent.kill()
+    _, said = parent.communicate(timeout=30)
+    assert _gone(workers)
+    if blow is signal.SIGINT:
+        assert said.count("Traceback") <= 1, said  # the parent's own

@@ -1,0 +1,163 @@
+"""Every command with what it cannot use: exit code 2, a message that names it, nothing left behind.
+
+A row is the command line, and words of the message; empty where any message will do.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from shaftline.cli.main import app
+
+pytest.importorskip("stable_baselines3")
+
+
+def _rows() -> Iterator[tuple[str, str]]:
+    for name, words in {
+        "nested": "not valid TOML", "dotted": "a is not a known key", "latin": "cannot be read",
+        "digits": "not valid TOML", "empty": "missing", "folder": "is a folder",
+        "fine": "time steps of 1e-09 s", "list": "hull.mass_kg", "date": "hull.mass_kg",
+        "bool": "hull.mass_kg", "inf": "hull.mass_kg", "pipe": "no ordinary file",
+        "zero": "no ordinary file", "nowhere": "cannot be read",
+    }.items():  # fmt: skip
+        yield f"simulate --ship {name}.toml --case rack_step --out o.csv", words
+    for name, words in {
+        "pipe": "no ordinary file", "zero": "no ordinary file", "null": "no ordinary file",
+        "empty": "cannot be read", "one": "is missing", "bytes": "bytes.csv", "text": "is missing",
+        "span": "at most", "nan": "nan.csv", "twice": "'fuel_rack_mm' stands twice",
+        "nowhere": "cannot be read",
+    }.items():  # fmt: skip
+        yield f"simulate --inputs {name}.csv --out o.csv", words
+    for place, words in {
+        "/dev/null": "no ordinary file", "/dev/full": "no ordinary file", "pipe.csv": "no ordinary file",
+        "folder.toml": "is a folder", "/proc/x.csv": "cannot be written", "file/x.csv": "is a file",
+        "/": "is a folder", ".": "is a folder", "..": "is a folder", "''": "is a folder",
+        f"{'x' * 300}.csv": "cannot be",
+    }.items():  # fmt: skip
+        yield f"simulate --case rack_step --out {place}", words
+        yield f"list --markdown {place}", words
+        yield f"list --effects --json {place}", words
+        if "folder" not in words:
+            yield f"evaluate --controller combinator --seeds 1 --out {place}/ev", ""
+            yield f"prove --cases 1 --out {place}/pr", ""
+    for place in ("fig", "fig.xyz", "fig.", ".png"):
+        yield f"simulate --case rack_step --figure {place}", "a picture's file ends in"
+    for place in ("/dev/null", "pipe.csv", "folder.toml"):
+        yield f"simulate --case rack_step --figure {place}", place
+    for name, words in {
+        "gamma": "gamma = 5", "rate": "learning_rate = -1", "steps": "steps kept", "net": "net_arch",
+        "endless": "episode_s = inf", "long": "an episode has at most", "words": "must be a number",
+        "nan": "gamma = nan", "high": "must be a number", "thin": "refuses the recipe",
+        "big": "net_arch = 'big'", "batch": "batch_size = 0", "five": "policy_kwargs = 5",
+        "noise": "sensor_noise", "nobody": "unknown observer", "fule": "fule", "tag": "as YAML",
+        "list": "no section 'transit'", "deep": "as YAML", "crowd": "n_envs = 100000",
+        "minus": "n_timesteps = -5", "pipe": "no ordinary file", "zero": "no ordinary file",
+        "nowhere": "cannot be read",
+    }.items():  # fmt: skip
+        yield f"train --task transit --recipe {name}.yml --out tr", words
+    yield "train --task transit --algorithm sac --recipe buffer.yml --out tr", "buffer_size"
+    for option, words in {
+        "--envs 0": "", "--envs 1000000000": "--envs", "--timesteps -1": "", "--timesteps 0": "",
+        "--seed -1": "", "--sensor-noise nan": "--sensor-noise", "--sensor-noise -1": "--sensor-noise",
+        "--observer nobody": "unknown observer", "--ship nobody": "unknown ship", "--device tpu": "",
+        "--algorithm dqn": "unknown algorithm", "--ship kvlcc2": "kvlcc2",
+        "--ship folder.toml": "is a folder",
+    }.items():  # fmt: skip
+        yield f"train --task transit --out tr {option}", words
+    yield "train --task nobody --out tr", "nobody"
+    for name, words in {
+        "anti-spin:sea_margin=nan": "finite", "anti-spin:sea_margin=inf": "finite",
+        "anti-spin:sea_margin=1,sea_margin=2": "stands twice", "anti-spin:sea_margin": "name=number",
+        "anti-spin:=3": "", "anti-spin:nope=3": "nope", "combinator:response_s=-1": "response",
+        "combinator:response_s=0": "response", "policy:junk.npz": "not a policy file",
+        "policy:other.npz": "not a policy file", "policy:bomb.npz": "unpacks to 200 MB",
+        "policy:pipe.npz": "no such policy", "policy:zero.npz": "no such policy",
+        "policy:nobody": "no such policy", "policy:": "unknown controller", "nobody:Class": "nobody",
+        "os:system": "", "json:loads:x=1": "", "builtins:exec": "", "''": "unknown controller",
+        "combinatr": "combinator",
+    }.items():  # fmt: skip
+        yield f"evaluate --controller {name} --seeds 1 --episode-s 5 --out ev", words
+    for option, words in {
+        "--seeds 0": "", "--seeds -3": "", "--episode-s 1e12": "", "--episode-s nan": "",
+        "--episode-s inf": "", "--episode-s 0": "", "--sea hs=nan,tp=9": "hs", "--sea hs=-1,tp=9": "hs",
+        "--sea hs=1e9,tp=9": "hs", "--sea hs=3": "peak period", "--sea state-99": "state-99",
+        "--sea hs=3,tp=0": "tp", "--sea hs=3,tp=9,xx=1": "xx", "--observer nobody": "unknown observer",
+        "--jobs 0": "", "--jobs -1": "", "--backend dask": "--scheduler", "--scheduler x": "--backend",
+        "--ship rov-thruster": "rov-thruster",
+    }.items():  # fmt: skip
+        yield f"evaluate --controller combinator --out ev {option}", words
+    for option in ("--cases 0", "--cases -1", "--cases 1000000000000"):
+        yield f"prove --out pr {option}", "--cases"
+    for option in ("--seed -1", "--variant nobody", "--jobs 0"):
+        yield f"prove --cases 1 --out pr {option}", option.split()[0]
+    for option in ("--speed nan", "--speed -5", "--speed 1e9", "--speed 0", "--drive 1e9", "--pitch 99",
+                   "--drive nan", "--ship nobody", "--output ''", ""):  # fmt: skip
+        yield f"linearise --out li {option}", ""
+    yield "linearise --speed 8 --output nobody --out li", "nobody"
+    for option in (
+        "--speed nan",
+        "--speed 1e9",
+        "--interval 0",
+        "--interval nan",
+        "--interval 1e9",
+    ):
+        yield f"loop speed-pilot --out lo {option}", ""
+    yield "loop speed-pilot --out lo --command nobody", "unknown command"
+    yield "loop nobody --out lo", "nobody"
+    for option in ("nobody", "turning-circle --speed 1e9", "turning-circle --ship frigate",
+                   "turning-circle --scale 0", "turning-circle --scale nan",
+                   "turning-circle --speed nan"):  # fmt: skip
+        yield f"manoeuvre {option} --out ma", ""
+    for name in ("nobody", "''", "all nobody"):
+        yield f"reproduce {name} --out re", ""
+    for option in ("--template nobody", "--out file", "--out empty.toml", "--out x.txt",
+                   "--out /dev/null", "--out folder.toml"):  # fmt: skip
+        yield f"new-ship {option}", ""
+    for option in ("--vary a", "--vary response_s=1", "--vary response_s=5:1", "--rounds 0",
+                   "--vary response_s=nan:2", "--vary nope=1:2", "--episode-s inf", "--task nobody",
+                   "--observer nobody", "--episode-s 1e12"):  # fmt: skip
+        yield f"tune --controller combinator --rounds 1 --seeds 1 {option}", ""
+    yield "tune --controller nobody --rounds 1 --seeds 1", "nobody"
+    for option in ("empty.csv", "bytes.csv", "zero.csv", "pipe.csv", "nowhere.csv", "span.csv",
+                   "ok.csv --effects term.toml", "ok.csv --effects code.toml", "folder.toml",
+                   "ok.csv --effects zero.toml", "ok.csv --columns unit.toml",
+                   "ok.csv --columns deep-map.toml", "ok.csv --columns zero.toml",
+                   "ok.csv --columns pipe.toml", "ok.csv --tolerance nan", "ok.csv --tolerance -1",
+                   "ok.csv --hold-out nowhere.csv", "ok.csv --exclude nobody"):  # fmt: skip
+        yield f"diagnose {option} --ship frigate --out di", ""
+    yield "diagnose ok.csv --ship zero.toml --out di", "no ordinary file"
+    for option in ("ok.csv --free nobody", "ok.csv --method magic", "empty.csv", "twice.csv",
+                   "ok.csv --tolerance nan"):  # fmt: skip
+        yield f"identify {option} --ship frigate --out id", ""
+    yield "nobody", "No such command"
+    yield "simulate --nobody", "No such option"
+
+
+ROWS = list(_rows())
+
+
+@pytest.mark.parametrize(("line", "words"), ROWS, ids=[line[:70] for line, _ in ROWS])
+def test_is_refused(
+    line: str, words: str, hostile: Path, mark: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(hostile)
+    before = sorted(os.listdir(hostile))
+    devices = [os.stat(name).st_rdev for name in ("/dev/null", "/dev/full", "/dev/zero")]
+    result = CliRunner().invoke(app, shlex.split(line))
+    assert isinstance(result.exception, SystemExit), repr(result.exception)
+    assert result.exit_code == 2, result.output
+    assert words in " ".join(result.output.split())
+    assert "Traceback" not in result.output
+    assert sorted(os.listdir(hostile)) == before
+    assert [os.stat(name).st_rdev for name in ("/dev/null", "/dev/full", "/dev/zero")] == devices
+    assert not mark.exists()
+
+
+def test_none_of_them_is_left_out() -> None:
+    assert len(ROWS) >= 225
