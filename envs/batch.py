@@ -25,6 +25,7 @@ from ..plant.stepping import Disturbance, prepare
 from ..plant.terms import Term
 from ..plant.waves import calm
 from .kernel import control_interval, first_observation
+from .ranges import observed_ranges
 from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
 from .settings import Begin, Settings, check_randomise, drawn, noise_of, seas_of
 from .tasks import get_task
@@ -158,6 +159,10 @@ class Batch:
         self.environments = np.zeros(n, ENVIRONMENT)
         self.environments["plant"] = self._plant
         self.environments["observer"] = observer
+        self.scale: Any = None
+        if settings.normalised:
+            top = float(_steady_table(self.ship)["ship_speed"].max())
+            self.scale = observed_ranges(self.ship, top, self.observed)
         self.common = np.zeros(1, COMMON)[0]
         self.common["noise"] = noise_of(self.ship, settings.sensor_noise)
         for term, weight in self.task.weights.model_dump().items():
@@ -187,6 +192,17 @@ class Batch:
             (self.n, len(self.observed)), np.float32, self.environments.view(np.uint8), offset,
             (ENVIRONMENT.itemsize, 4),
         )  # fmt: skip
+
+    def told(self, which: Any = slice(None)) -> NDArray[np.float32]:
+        """A copy of the observations as an agent gets them, shape (n, 8) or (n, 14).
+
+        Args:
+            which: of the environments; all by default.
+        """
+        rows = np.array(self.observation[which])
+        if self.scale is not None:
+            rows = (rows - self.scale[0]) / self.scale[1]
+        return rows.astype(np.float32, copy=False)
 
     @property
     def elapsed(self) -> NDArray[np.int64]:

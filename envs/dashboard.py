@@ -30,11 +30,12 @@ class Dashboard:
     """Keeps the last two minutes of an environment and draws them.
 
     Args:
-        batch: of one environment.
+        batch: of environments.
+        which: of them.
     """
 
-    def __init__(self, batch: Batch) -> None:
-        self.batch = batch
+    def __init__(self, batch: Batch, which: int = 0) -> None:
+        self.batch, self.which = batch, which
         rows = max(2, round(_SHOWN_S / batch.interval_s))
         self.rows: deque[dict[str, float]] = deque(maxlen=rows)
 
@@ -45,10 +46,10 @@ class Dashboard:
     def record(self) -> None:
         """Remember the present instant."""
         arrays = self.batch.arrays
-        seen = arrays.observations[0]
+        seen = arrays.observations[self.which]
         row = {name: float(seen[name]) for name in seen.dtype.names}
-        row["time"] = float(self.batch.elapsed[0]) * self.batch.interval_s
-        row["true_advance_velocity"] = float(arrays.truths[0]["advance_velocity"])
+        row["time"] = float(self.batch.elapsed[self.which]) * self.batch.interval_s
+        row["true_advance_velocity"] = float(arrays.truths[self.which]["advance_velocity"])
         self.rows.append(row)
 
     def draw(self) -> NDArray[np.uint8]:

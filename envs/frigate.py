@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,6 +11,7 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -46,6 +48,22 @@ def action_space(numbers: int = 2) -> spaces.Box:
         numbers: how many of them.
     """
     return spaces.Box(-1.0, 1.0, (numbers,), np.float32)
+
+
+def space_of(batch: Batch) -> spaces.Box:
+    """Of one observation as an agent gets it: physical units, or normalised and without bounds."""
+    if batch.settings.normalised:
+        return spaces.Box(-np.inf, np.inf, (len(batch.observed),), np.float32)
+    return observation_space(batch.observed)
+
+
+def _threads(workers: int) -> ThreadPoolExecutor | None:
+    return ThreadPoolExecutor(workers) if workers > 1 else None
+
+
+def _check_render_mode(mode: str | None) -> None:
+    if mode not in (None, "rgb_array"):
+        raise ValueError(f"unknown render_mode {mode!r}; known: rgb_array")
 
 
 def _checked(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
@@ -95,11 +113,11 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(self, *, render_mode: str | None = None, **settings: Any) -> None:
         self.batch = Batch(1, Settings.of(self.defaults | settings), self.steered)
-        self.observation_space: Any = observation_space(self.batch.observed)
+        self.observation_space: Any = space_of(self.batch)
         self.action_space: Any = action_space(self.batch.actions)
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"unknown render_mode {render_mode!r}; known: rgb_array")
+        _check_render_mode(render_mode)
         self.render_mode = render_mode
+        self._began = False
         self._dashboard = Dashboard(self.batch) if render_mode else None
 
     def reset(
@@ -118,12 +136,20 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         self.batch.reset(0, self.np_random, begin)
         self.batch.observe(np.array([0]))
+        self._began = True
         if self._dashboard is not None:
             self._dashboard.clear()
-        return self.batch.observation[0].copy(), {}
+        return self.batch.told(0), {}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Hold an action over one control interval."""
+        """Hold an action over one control interval.
+
+        Raises:
+            ResetNeeded: no episode has begun.
+            ValueError: an action of another shape, or not finite.
+        """
+        if not self._began:
+            raise ResetNeeded("call reset() before step()")
         batch = self.batch
         batch.step(_checked(action, (batch.actions,))[None])
         env = batch.environments[0]
@@ -136,7 +162,7 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._dashboard is not None:
             self._dashboard.record()
         reward = float(env["reward"])
-        return batch.observation[0].copy(), reward, ended != RUNNING, truncated, info
+        return batch.told(0), reward, ended != RUNNING, truncated, info
 
     def render(self) -> Any:
         """The dashboard as an RGB array of shape (height, width, 3); None without a render mode."""
@@ -144,39 +170,65 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 
 class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
-    """Many of :class:`FrigateEnv` stepped in one compiled call, spread over the cores.
+    """Many of :class:`FrigateEnv` stepped in one compiled call, on the cores of the machine.
 
-    Sub-environment i with seed s + i is :class:`FrigateEnv` with that seed, bit for bit. An ended
-    episode is reset in the same step; its last observation and info stand in ``final_obs`` and
-    ``final_info``. Options of a reset hold for all, and for the episodes that follow.
+    Sub-environment i with seed s + i is the single environment with that seed, step for step.
 
     Args:
         num_envs: how many.
         threads: that step them; the machine's cores by default.
+        autoreset_mode: what happens where an episode ends, an ``AutoresetMode`` of Gymnasium or its
+            value. ``SameStep`` begins the next one in the same step (``final_obs`` and ``final_info``
+            hold what was); ``NextStep`` in the next, which ignores the action, as wrappers that keep
+            statistics of observations ask for; ``Disabled`` waits for a reset with a ``reset_mask``.
+        render_mode: None or ``rgb_array``: then :meth:`render` draws each of them.
         settings: keywords, as of :class:`shaftline.envs.Settings`.
 
     Raises:
         ValueError: something that does not exist or is out of range; the message names it.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 (Gymnasium's way)
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 (Gymnasium's way)
     steered: ClassVar[bool] = False
     defaults: ClassVar[dict[str, Any]] = {}
 
-    def __init__(self, num_envs: int = 1, *, threads: int | None = None, **settings: Any) -> None:
-        settings.pop("render_mode", None)  # Gymnasium hands it to every vector form
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        threads: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = FrigateVectorEnv.metadata | {"autoreset_mode": self.autoreset_mode}
         self.batch = Batch(num_envs, Settings.of(self.defaults | settings), self.steered)
         self.num_envs = num_envs
-        self.single_observation_space = observation_space(self.batch.observed)
+        self.single_observation_space = space_of(self.batch)
         self.single_action_space = action_space(self.batch.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        workers = min(threads or os.cpu_count() or 1, num_envs)
+        _check_render_mode(render_mode)
+        self.render_mode = render_mode
+        drawn = range(num_envs) if render_mode else ()
+        self._dashboards = [Dashboard(self.batch, i) for i in drawn]
+        self._workers = min(threads or os.cpu_count() or 1, num_envs)
         # more shares than threads, so that no thread waits long for another on a busy machine
-        self._shares = 2 * workers
-        self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
+        self._shares = 2 * self._workers
+        self._pool = _threads(self._workers)
         self._rngs: list[np.random.Generator] = []
         self._begin = self.batch.begin(None)
+        self._ended = np.zeros(num_envs, dtype=bool)  # and not begun anew yet
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the threads."""
+        return self.__dict__ | {"_pool": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """With threads of its own."""
+        self.__dict__.update(state)
+        self._pool = _threads(self._workers)
 
     def reset(
         self,
@@ -188,11 +240,15 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
 
         Args:
             seed: of the first, the others counting on from it; or one for each.
-            options: see :class:`FrigateEnv`.
+            options: see :class:`FrigateEnv`; ``reset_mask``, of shape (n,), leaves others as they are.
 
         Raises:
             ValueError: an unknown option, a value out of range, or too few or many seeds.
         """
+        options = dict(options or {})
+        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            raise ValueError(f"reset_mask: must be {self.num_envs} booleans, one of them true")
         begin = self.batch.begin(options)
         if seed is not None or not self._rngs:
             seeds: Sequence[int | None] = (
@@ -202,36 +258,68 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             )
             if len(seeds) != self.num_envs:
                 raise ValueError(f"{len(seeds)} seeds are given for {self.num_envs} environments")
-            self._rngs = [gymnasium.utils.seeding.np_random(s)[0] for s in seeds]
+            fresh = [gymnasium.utils.seeding.np_random(s)[0] for s in seeds]
+            old = self._rngs or fresh
+            self._rngs = [new if m else kept for m, new, kept in zip(mask, fresh, old, strict=True)]
         self._begin = begin
-        for i, rng in enumerate(self._rngs):
-            self.batch.reset(i, rng, self._begin)
-        self.batch.observe(np.arange(self.num_envs))
-        return self.batch.observation.copy(), {}
+        self._start(np.flatnonzero(mask))
+        return self.batch.told(), {}
+
+    def _start(self, which: NDArray[np.int64]) -> None:
+        """Begin episodes in some sub-environments."""
+        for i in which.tolist():
+            self.batch.reset(i, self._rngs[i], self._begin)
+            if self._dashboards:
+                self._dashboards[i].clear()
+        self.batch.observe(which)
+        self._ended[which] = False
 
     def step(
         self, actions: Any
     ) -> tuple[
         NDArray[np.float32], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
     ]:
-        """Hold an action in each sub-environment over one control interval."""
+        """Hold an action in each sub-environment over one control interval.
+
+        Raises:
+            ResetNeeded: no episode has begun, or one that ended was not begun anew.
+            ValueError: actions of another shape, or not finite.
+        """
+        if not self._rngs:
+            raise ResetNeeded("call reset() before step()")
+        waiting = np.flatnonzero(self._ended)
+        if len(waiting) and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise ResetNeeded(f"sub-environments {waiting.tolist()} have ended: reset them first")
         batch, arrays = self.batch, self.batch.arrays
+        for i in waiting.tolist():  # steps somewhere below, and is then begun in earnest
+            batch.reset(i, copy.deepcopy(self._rngs[i]), self._begin)
         batch.step(_checked(actions, (self.num_envs, batch.actions)), self._pool, self._shares)
         terminated = arrays.ended != RUNNING
         truncated = batch.elapsed >= batch.settings.intervals
         reward = arrays.rewards.copy()
+        if len(waiting):
+            self._start(waiting)
+            terminated[waiting] = truncated[waiting] = False
+            reward[waiting] = 0.0
+        for dashboard in self._dashboards:
+            dashboard.record()
         info = self._info(terminated)
         done = terminated | truncated
         if done.any():
-            info["final_info"] = dict(info)
-            info["final_obs"] = np.full(self.num_envs, None, dtype=object)
-            info["_final_obs"] = info["_final_info"] = done
-            which = np.flatnonzero(done)
-            for i in which:
-                info["final_obs"][i] = batch.observation[i].copy()
-                batch.reset(int(i), self._rngs[i], self._begin)
-            batch.observe(which)
-        return batch.observation.copy(), reward, terminated, truncated, info
+            self._ended |= done
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
+                info["final_info"] = dict(info)
+                info["final_obs"] = np.full(self.num_envs, None, dtype=object)
+                info["_final_obs"] = info["_final_info"] = done
+                which = np.flatnonzero(done)
+                for i, row in zip(which.tolist(), batch.told(which), strict=True):
+                    info["final_obs"][i] = row
+                self._start(which)
+        return batch.told(), reward, terminated, truncated, info
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """The dashboards as RGB arrays of shape (height, width, 3); None without a render mode."""
+        return tuple(board.draw() for board in self._dashboards) if self._dashboards else None
 
     def _info(self, terminated: NDArray[np.bool_]) -> dict[str, Any]:
         """Truth, reward terms and, where something ended, why: columns of shape (n,)."""

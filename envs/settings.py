@@ -42,6 +42,9 @@ class Settings:
         episode_s: length of an episode [s].
         randomise: half width of a uniform factor by dotted key of the ship's file, such as
             ``{"hull.resistance_coefficient_N_s2_m2": 0.1}``; each episode draws its own.
+        normalised: whether observations are scaled so that the ship's own range of each signal is -1 to
+            1; an agent that knows no units wants it, classic controllers do not. A single range serves
+            all episodes, so nothing has to be learned or kept with a policy.
         action_mode: ``rack``: the second action is the fuel rack; ``shaft-speed``: it is the set-point
             of a governor that runs at the plant's time step.
     """
@@ -55,6 +58,7 @@ class Settings:
     control_interval_s: float = 0.5
     episode_s: float = 300.0
     randomise: Mapping[str, float] | None = None
+    normalised: bool = False
     action_mode: str = "rack"
 
     @staticmethod

@@ -31,7 +31,7 @@ def test_defaults_stand_here_once() -> None:
     assert dataclasses.asdict(DEFAULTS) == {
         "ship": None, "task": "speed-keeping", "observer": "random-walk-kalman",
         "tuning": None, "sea": None, "sensor_noise": 1.0, "control_interval_s": 0.5,
-        "episode_s": 300.0, "randomise": None, "action_mode": "rack",
+        "episode_s": 300.0, "randomise": None, "normalised": False, "action_mode": "rack",
     }  # fmt: skip
     assert FrigateEnv().batch.settings == FrigateVectorEnv(2).batch.settings == DEFAULTS
 
@@ -47,7 +47,9 @@ def test_the_page_tells_every_keyword_and_option() -> None:
         return [name for cell in cells for name in re.findall(r"`(\w+)`", cell)]
 
     known = [field.name for field in dataclasses.fields(Settings)]
-    assert sorted(first_column(table[0])) == sorted([*known, "render_mode", "threads"])
+    assert sorted(first_column(table[0])) == sorted(
+        [*known, "render_mode", "threads", "autoreset_mode"]
+    )
     assert first_column(options[0]) == list(OPTIONS)
 
 

@@ -1,0 +1,134 @@
+"""What happens where an episode ends, and Gymnasium's own wrappers around the vector environment."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
+
+from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
+
+SHORT: dict[str, Any] = {"episode_s": 2.0, "task": "transit"}  # four intervals
+
+
+def sailed(mode: str, steps: int, **settings: Any) -> list[Any]:
+    env = FrigateVectorEnv(2, threads=1, autoreset_mode=mode, **(SHORT | settings))
+    rows: list[Any] = [env.reset(seed=3)]
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (steps, 2, 2))
+    for action in actions:
+        rows.append(env.step(action))
+    return rows
+
+
+def test_modes_are_gymnasiums_by_name_or_member() -> None:
+    for mode in AutoresetMode:
+        for given in (mode, mode.value):
+            assert FrigateVectorEnv(2, autoreset_mode=given).metadata["autoreset_mode"] is mode
+    assert FrigateVectorEnv.metadata.get("autoreset_mode") is None  # it is an instance's
+    with pytest.raises(ValueError, match="AutoresetMode"):
+        FrigateVectorEnv(2, autoreset_mode="never")
+
+
+def test_next_step_is_the_same_step_one_later() -> None:
+    """The next episode's first observation comes in a step of its own, with no reward."""
+    same, following = sailed("SameStep", 5), sailed("NextStep", 6)
+    for k in range(4):
+        assert np.array_equal(same[k][0], following[k][0])
+    ended = same[4]
+    assert ended[3].all()
+    assert np.array_equal(np.stack(list(ended[4]["final_obs"])), following[4][0])
+    assert following[4][3].all()
+    assert np.array_equal(ended[0], following[5][0])  # begun anew
+    assert not following[5][2].any()
+    assert not following[5][3].any()
+    assert following[5][1].tolist() == [0.0, 0.0]
+    assert following[6][1].all()  # and then it sails
+
+
+def test_disabled_waits_for_a_mask() -> None:
+    env = FrigateVectorEnv(3, autoreset_mode="Disabled", **SHORT)
+    env.reset(seed=1)
+    for _ in range(4):
+        last, *_ = env.step(np.zeros((3, 2)))
+    with pytest.raises(ResetNeeded, match=r"\[0, 1, 2\]"):
+        env.step(np.zeros((3, 2)))
+    mask = np.array([True, False, True])
+    seen, _ = env.reset(seed=[7, 8, 9], options={"reset_mask": mask})
+    assert np.array_equal(seen[1], last[1])
+    alone, _ = FrigateEnv(**SHORT).reset(seed=7)
+    assert np.array_equal(seen[0], alone)
+    for bad in ([True, False], np.zeros(3, dtype=bool), np.ones(3)):
+        with pytest.raises(ValueError, match="reset_mask"):
+            env.reset(options={"reset_mask": bad})
+
+
+def test_a_step_before_a_reset_is_refused() -> None:
+    with pytest.raises(ResetNeeded):
+        FrigateEnv(**SHORT).step(np.zeros(2))
+    with pytest.raises(ResetNeeded):
+        FrigateVectorEnv(2, **SHORT).step(np.zeros((2, 2)))
+
+
+def test_gymnasiums_wrappers_go_around_it() -> None:
+    made = gymnasium.make_vec(
+        "shaftline/Frigate-v0", num_envs=3, vectorization_mode="vector_entry_point",
+        autoreset_mode="NextStep", **SHORT,
+    )  # fmt: skip
+    env: Any = RecordEpisodeStatistics(NormalizeObservation(made))
+    env.reset(seed=1)
+    lengths: list[int] = []
+    for _ in range(12):
+        seen, _, _, _, info = env.step(np.zeros((3, 2), np.float32))
+        assert np.isfinite(seen).all()
+        lengths += info["episode"]["l"][info["_episode"]].tolist() if "episode" in info else []
+    assert lengths
+    assert set(lengths) == {4}
+
+
+def test_it_goes_to_another_process_with_its_threads_made_anew() -> None:
+    env = FrigateVectorEnv(3, threads=2, **SHORT)
+    env.reset(seed=5)
+    env.step(np.zeros((3, 2)))
+    twin = pickle.loads(pickle.dumps(env))
+    for one, other in zip(env.step(np.ones((3, 2))), twin.step(np.ones((3, 2))), strict=True):
+        if isinstance(one, np.ndarray):
+            assert np.array_equal(one, other)
+
+
+def test_every_one_of_them_is_drawn() -> None:
+    env = FrigateVectorEnv(2, render_mode="rgb_array", **SHORT)
+    env.reset(seed=1)
+    for _ in range(3):
+        env.step(np.array([[0.5, 0.9], [0.5, -0.9]]))
+    first, second = env.render() or ()
+    assert first.shape == second.shape == (480, 800, 3)
+    assert not np.array_equal(first, second)
+    assert FrigateVectorEnv(2, **SHORT).render() is None
+
+
+@pytest.mark.parametrize("kind", [FrigateVectorEnv, SteeringVectorEnv])
+def test_normalised_observations_are_the_same_without_units(kind: Any) -> None:
+    plain, scaled = kind(4, episode_s=60.0), kind(4, episode_s=60.0, normalised=True)
+    middle, half = scaled.batch.scale
+    assert scaled.single_observation_space.shape == plain.single_observation_space.shape
+    raw, _ = plain.reset(seed=2)
+    seen, _ = scaled.reset(seed=2)
+    actions = np.random.default_rng(1).uniform(-0.5, 0.5, (40, *plain.action_space.shape))
+    for action in actions:
+        raw, seen = plain.step(action)[0], scaled.step(action)[0]
+        assert seen == pytest.approx((raw - middle) / half, abs=1e-5)
+    assert np.abs(seen).max() < 4.0
+    assert seen.dtype == np.float32
+
+
+def test_the_spec_of_any_ship_goes_through_json() -> None:
+    env = gymnasium.make("shaftline/Frigate-v0", ship="ferry", task="transit", episode_s=10.0)
+    assert env.spec is not None
+    twin = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert np.array_equal(env.reset(seed=4)[0], twin.reset(seed=4)[0])
