@@ -44,7 +44,8 @@ results: $(INSTALLED)
 	    for seed in $$seeds; do \
 	    $(BIN)/shaftline train --task $$task --seed $$seed --out out/policies/$$task/seed-$$seed; done; done
 	$(BIN)/python -m shaftline.studies.policies --trained out/policies --out docs/results/policies
-	$(BIN)/python -m shaftline.studies.policies.film --out docs/results/policies/film.gif
+	$(BIN)/shaftline video combinator-trimmed policy:rough-sea --task rough-sea:held-out --seed 900002 \
+	  --out docs/results/policies/film.gif
 	$(BIN)/shaftline manoeuvre --ship kvlcc2 --speed 1.18 --scale 45.7 --out out/kvlcc2
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
 	$(BIN)/python -m shaftline.studies.loops --out docs/results

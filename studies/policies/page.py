@@ -13,7 +13,7 @@ from ...core.files import write_text
 from ...display import figures as drawing
 from ...display.tables import markdown, write_csv
 from ...envs.tasks import HELD_OUT, get_task
-from . import figures, film, targets
+from . import figures, targets
 from .bound import length_of
 from .comparison import (
     FIRST_SEED,
@@ -59,6 +59,12 @@ resistances of its task its behaviour is unknown. Of protections of the engine i
 limiters alone. It refuses a ship with other ranges of pitch, rack or engine speed, and another form of
 policy."""
 
+FILM = "film.gif"
+FILM_WORDS = (
+    "The same sea, 6.4 m high, at two and a half times its pace: on the left the combinator, on the "
+    "right a policy. The ship surges only, so she is drawn level."
+)
+
 
 def write(
     folder: Path, comparisons: Sequence[Comparison], bounds: Mapping[str, pd.DataFrame]
@@ -78,8 +84,8 @@ def write(
     if asked:
         parts += ["## What was asked for", markdown(pd.DataFrame(asked))]
     parts += ["![Changes](changes.png)"]
-    if (folder / film.NAME).is_file():
-        parts += [film.WORDS, f"![Film]({film.NAME})"]
+    if (folder / FILM).is_file():
+        parts += [FILM_WORDS, f"![Film]({FILM})"]
     for one in comparisons:
         parts += _task(one, bounds.get(one.task))
     parts += ["## While they were trained", "![Curves](curves.png)", "## Columns"]

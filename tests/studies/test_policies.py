@@ -10,8 +10,7 @@ import pytest
 
 from shaftline.agents.policy.policy import PolicyError
 from shaftline.agents.policy.residual import Form
-from shaftline.plant.waves import field
-from shaftline.studies.policies import command, film, page
+from shaftline.studies.policies import command, page
 from shaftline.studies.policies.bound import BOUND, bound
 from shaftline.studies.policies.comparison import (
     BASELINES,
@@ -116,33 +115,3 @@ def test_a_plan_is_the_bound_and_shares_are_of_its_gap(tmp_path: Path) -> None:
     assert by["share"][HELD] == pytest.approx(0.0)
     assert (by["reward"][BOUND] > by["reward"].drop(BOUND)).all()
     assert by["wave_torque_kN_m"][BOUND] < 0.7 * by["wave_torque_kN_m"][HELD]
-
-
-def test_a_film_shows_the_same_sea_and_each_ship_s_own_signals() -> None:
-    runs = (
-        film.sailed(HELD, "one", "rough-sea", 5),
-        film.sailed("va-pitch", "other", "rough-sea", 5),
-    )
-    figure, draw, frames = film.drawn(runs, film.sea_of("rough-sea", 5))
-    assert frames == 160
-    draw(frames - 1)
-    now = film.BEGIN_S + (frames - 1) * film.EVERY_S
-    axes = np.array(figure.axes).reshape(4, 2)
-    for column, run in enumerate(runs):
-        (line,) = axes[3, column].lines
-        shown = np.interp(now, run.trace.index, run.trace["blade_pitch"])
-        assert line.get_ydata()[-1] == pytest.approx(shown)
-        assert axes[0, column].get_title().startswith(run.words)
-        assert run.swings[0] > run.swings[1] > 0.0
-    surfaces = [axes[0, k].collections[0].get_paths()[0].vertices for k in range(2)]
-    assert surfaces[0].shape == surfaces[1].shape
-    assert np.ptp(surfaces[0][:90, 1]) > 1.0  # waves of more than a metre
-
-
-def test_the_sea_of_a_film_is_that_of_its_episode() -> None:
-    """The inflow that its waves give is the one that the ship meets."""
-    run, sea = film.sailed("va-pitch", "x", "rough-sea", 5), film.sea_of("rough-sea", 5)
-    trace = run.trace
-    met = trace["advance_velocity"] - trace["advance_velocity"].rolling(40, center=True).mean()
-    waves = [field(sea, t, x)[0] for t, x in trace["position"].items()]
-    assert np.corrcoef(met[20:-20], waves[20:-20])[0, 1] > 0.9

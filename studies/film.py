@@ -1,0 +1,156 @@
+"""Controllers in the same waves side by side, as an animated picture: ``shaftline video``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ..agents.evaluation.controllers import load_controller
+from ..agents.evaluation.episodes import TRACE, Setting, run_episodes
+from ..core.files import write_atomically
+from ..display.figures import PALETTE
+from ..envs import FrigateVectorEnv
+from ..envs.settings import DEFAULTS
+from ..envs.tasks import get_task
+from ..plant.waves import field
+
+EVERY_S = 0.25
+"""Of the ship's time, between two frames."""
+
+PER_SECOND = 10
+"""Frames: two and a half times as fast as the sea."""
+
+_LENGTH_M, _DRAUGHT_M, _AROUND_M = 110.0, 4.2, 130.0  # of the silhouette, and how far one looks
+_ROWS = (
+    ("shaft_torque", "gauge\n[kN m]", 1e-3),
+    ("brake_torque", "engine\n[kN m]", 1e-3),
+    ("blade_pitch", "P/D [-]", 1.0),
+)
+
+
+class Run(NamedTuple):
+    """One episode."""
+
+    words: str
+    trace: pd.DataFrame  # columns TRACE, time as index [s]
+    swings: tuple[float, float]  # wave torque at gauge and engine over all of it [kN m]
+
+
+class Span(NamedTuple):
+    """What of an episode is shown."""
+
+    begin: float  # [s]
+    seconds: float
+    shown: float = 20.0  # how far back the curves go [s]
+
+
+def sailed(text: str, task: str, seed: int, observer: str) -> Run:
+    """An episode.
+
+    Args:
+        text: controller, as of ``shaftline evaluate``.
+        task: whose seas and orders it meets.
+        seed: of the episode.
+        observer: whose estimate the controller sees.
+    """
+    made = load_controller(text, get_task(task).sailed(), DEFAULTS.control_interval_s)
+    kpis, rows = run_episodes(Setting(text, task, "task", observer, 1, first_seed=seed), made)
+    trace = pd.DataFrame(rows, columns=list(TRACE)).set_index("time")
+    one = kpis.iloc[0]
+    return Run(text, trace, (one["wave_torque_kN_m"], one["wave_engine_torque_kN_m"]))
+
+
+def sea_of(task: str, seed: int, observer: str) -> Any:
+    """SEA record that the seed draws."""
+    env = FrigateVectorEnv(1, task=task, observer=observer, threads=1)
+    env.reset(seed=seed)
+    return env.batch.arrays.seas[0].copy()
+
+
+def drawn(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any, int]:
+    """The figure, the function that draws a frame of it, and how many there are.
+
+    Args:
+        runs: one a column.
+        sea: SEA record.
+        span: of the episode.
+    """
+    figure = Figure(figsize=(4.2 * len(runs), 5.2), dpi=80, layout="constrained")
+    axes = figure.subplots(
+        1 + len(_ROWS), len(runs), sharex="row", sharey="row", height_ratios=[1.5, 1, 1, 1],
+        squeeze=False,
+    )  # fmt: skip
+    offsets = np.linspace(-_AROUND_M, _AROUND_M, 90)
+    hull = _LENGTH_M * np.array([-0.5, -0.5, -0.2, -0.2, 0.1, 0.14, 0.5, 0.43, -0.46])
+    height = np.array([0.0, 5.0, 5.0, 11.0, 11.0, 5.0, 7.0, -_DRAUGHT_M, -_DRAUGHT_M])
+    moving: list[Any] = []
+    for column, run in enumerate(runs):
+        top = axes[0, column]
+        surface = top.fill_between(offsets, -14.0, 0.0, color="#8fb8d8", zorder=3, alpha=0.9)
+        top.fill(hull, height, color="#4a4e57", zorder=2)
+        top.set(xlim=(-_AROUND_M, _AROUND_M), ylim=(-14.0, 16.0), xticks=[], yticks=[])
+        gauge, engine = run.swings
+        top.set_title(
+            f"{run.words}\nswing in waves: gauge {gauge:.1f}, engine {engine:.2f} kN m", fontsize=9
+        )
+        lines = []
+        for row, (name, words, factor) in enumerate(_ROWS, start=1):
+            axis = axes[row, column]
+            values = factor * run.trace[name]
+            (line,) = axis.plot([], [], color=PALETTE[column])
+            axis.set_xlim(-span.shown, 0.0)
+            axis.tick_params(labelsize=7, labelbottom=row == len(_ROWS))
+            if column == 0:
+                axis.set_ylabel(words, fontsize=8)
+            lines.append((line, values))
+        axes[-1, column].set_xlabel("time before now [s]", fontsize=8)
+        moving.append((run, surface, lines))
+    for row, (name, _, factor) in enumerate(_ROWS, start=1):
+        ends = slice(span.begin - span.shown, span.begin + span.seconds)
+        shown = [factor * run.trace.loc[ends, name] for run in runs]
+        least, most = min(s.min() for s in shown), max(s.max() for s in shown)
+        axes[row, 0].set_ylim(least - 0.1 * (most - least), most + 0.1 * (most - least))
+
+    def draw(frame: int) -> list[Any]:
+        now = span.begin + frame * EVERY_S
+        for run, surface, lines in moving:
+            _surface(surface, run, sea, now, offsets)
+            times = now + np.arange(-span.shown, 0.5 * EVERY_S, EVERY_S)
+            for line, values in lines:
+                line.set_data(times - now, np.interp(times, values.index, values))
+        return []
+
+    return figure, draw, round(span.seconds / EVERY_S)
+
+
+def _surface(surface: Any, run: Run, sea: Any, now: float, offsets: NDArray[np.float64]) -> None:
+    place = float(np.interp(now, run.trace.index, run.trace["position"]))
+    heights = [field(sea, now, place + x)[1] for x in offsets]
+    corners = np.column_stack([offsets, heights])
+    floor = np.array([[offsets[-1], -14.0], [offsets[0], -14.0]])
+    surface.set_verts([np.vstack([corners, floor])])
+
+
+def write(
+    path: Path, runs: list[Run], sea: Any, span: Span, tick: Callable[[int, int], None]
+) -> None:
+    """Draw and write an animated GIF.
+
+    Args:
+        path: ending in ``.gif``.
+        runs: one a column.
+        sea: SEA record.
+        span: of the episode.
+        tick: told the frames that are done, and all.
+    """
+    figure, draw, frames = drawn(runs, sea, span)
+    film = FuncAnimation(figure, draw, frames=frames, blit=False)
+    writer = PillowWriter(fps=PER_SECOND)
+    write_atomically(path, lambda file: film.save(file, writer=writer, progress_callback=tick))
