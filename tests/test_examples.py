@@ -1,0 +1,78 @@
+"""What stands in ``examples/`` runs."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from shaftline.envs import FrigateVectorEnv, Sb3Frigates
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+
+def loaded(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_example_is_told_of() -> None:
+    page = (EXAMPLES / "README.md").read_text(encoding="utf-8")
+    for file in EXAMPLES.rglob("*.*"):
+        if file.name != "README.md" and "__pycache__" not in file.parts:
+            assert file.relative_to(EXAMPLES).as_posix() in page
+
+
+def test_ppo_in_one_file_learns(capsys: pytest.CaptureFixture[str]) -> None:
+    """From about -1100 a return of random commands; a fifth of the example's steps."""
+    pytest.importorskip("torch")
+    module = loaded("ppo_single_file")
+    s = module.Settings(steps=200_000, seed=3)
+    agent, returns = module.train(s)
+    first, last = np.mean(returns[:30]), np.mean(returns[-30:])
+    assert last > 0.75 * first, (first, last)  # both are negative
+    assert module.judged(agent, s, episodes=8) > 0.75 * first
+    assert "steps" in capsys.readouterr().out
+
+
+def test_hyperparameters_for_rl_zoo_are_ppos() -> None:
+    stable = pytest.importorskip("stable_baselines3")
+    text = (EXAMPLES / "rl-zoo3/ppo.yml").read_text(encoding="utf-8")
+    ((name, given),) = yaml.safe_load(text).items()
+    assert name == "shaftline/Frigate-v0"
+    outside = ("env_kwargs", "n_envs", "n_timesteps", "policy", "normalize", "policy_kwargs",
+               "learning_rate")  # fmt: skip
+    rest: dict[str, Any] = {k: v for k, v in given.items() if k not in outside}
+    env = Sb3Frigates(given["n_envs"], **given["env_kwargs"])
+    stable.PPO(given["policy"], env, learning_rate=5e-4, device="cpu", **rest)
+    assert given["n_steps"] * given["n_envs"] % given["batch_size"] == 0
+    module = loaded("ppo_single_file")
+    s = module.Settings()
+    assert (given["n_envs"], given["n_steps"], given["n_timesteps"]) == (
+        s.environments, s.rollout, s.steps,
+    )  # fmt: skip
+
+
+def test_an_own_controller_sails() -> None:
+    made = loaded("own_controller").Steady("frigate", 0.5)
+    env = FrigateVectorEnv(3, task="transit", episode_s=20.0)
+    seen, _ = env.reset(seed=1)
+    memory, done = None, np.zeros(3, dtype=bool)
+    while not done.any():
+        action, memory = made.predict(seen, memory)
+        seen, _, terminated, truncated, _ = env.step(action)
+        assert not terminated.any()
+        done = truncated
+    with pytest.raises(ValueError, match="lag_s"):
+        loaded("own_controller").Steady("frigate", 0.5, lag_s=0.0)
