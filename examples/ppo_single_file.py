@@ -54,15 +54,10 @@ class Agent(nn.Module):
         super().__init__()
 
         def network(out: int, gain: float) -> nn.Sequential:
-            layers = [
-                nn.Linear(seen, 64),
-                nn.Tanh(),
-                nn.Linear(64, 64),
-                nn.Tanh(),
-                nn.Linear(64, out),
-            ]
-            nn.init.orthogonal_(layers[-1].weight, gain)
-            return nn.Sequential(*layers)
+            hidden = [nn.Linear(seen, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh()]
+            last = nn.Linear(64, out)
+            nn.init.orthogonal_(last.weight, gain)
+            return nn.Sequential(*hidden, last)
 
         self.mean, self.value = network(answers, 0.01), network(1, 1.0)
         self.log_deviation = nn.Parameter(torch.full((answers,), -1.0))
@@ -82,7 +77,8 @@ def train(s: Settings) -> tuple[Agent, list[float]]:
         "shaftline/Frigate-v0", num_envs=s.environments, vectorization_mode="vector_entry_point",
         task=s.task, action_mode="shaft-speed", normalised=True, autoreset_mode="NextStep",
     )  # fmt: skip
-    width, answers = env.single_observation_space.shape[0], env.single_action_space.shape[0]
+    width = gymnasium.spaces.flatdim(env.single_observation_space)
+    answers = gymnasium.spaces.flatdim(env.single_action_space)
     agent = Agent(width, answers)
     optimiser = torch.optim.Adam(agent.parameters(), lr=s.rate, eps=1e-5)
     shape = (s.rollout, s.environments)
