@@ -63,6 +63,7 @@ def test_parquet_without_its_reader_says_what_to_install(
         raise ImportError("pyarrow")
 
     monkeypatch.setattr(pd, "read_parquet", no_reader)
+    (tmp_path / "r.pq").write_bytes(b"PAR1")
     with pytest.raises(RecordingError, match=r"r\.pq: Parquet needs pyarrow: pip install"):
         read_table(tmp_path / "r.pq")
 
