@@ -64,6 +64,12 @@ def answered_columns(ship: Ship) -> list[str]:
     return [column for column in MEASURED if column not in none]
 
 
+def foreign_columns(ship: Ship) -> set[str]:
+    """Columns of what the ship does not have: an armature, a rudder."""
+    current = set() if ship.has_voltage else {"motor_current_A"}
+    return current if ship.turns else {*current, *IN_A_TURN, RUDDER_COMMAND}
+
+
 def input_columns(ship: Ship) -> list[str]:
     """Columns that a recording must have to drive the ship."""
     command = ["pitch_ratio_command"] if ship.has_variable_pitch else []

@@ -13,6 +13,7 @@ import pandas as pd
 from ..core.files import refuse_special
 from ..core.sizes import SizeError, check_size
 from .columns import BOUNDS, TIME
+from .table_files import LayoutError, read_sheet, read_text_table
 
 
 class RecordingError(ValueError):
@@ -45,33 +46,35 @@ def read_recording(
     return table
 
 
-def read_table(path: Path) -> pd.DataFrame:
-    """The raw table of a CSV or Parquet file.
+def read_table(path: Path, layout: Mapping[str, object] = MappingProxyType({})) -> pd.DataFrame:
+    """The raw table of a text file, a spreadsheet or a Parquet file.
+
+    Args:
+        path: of the file.
+        layout: what is known of a text file, as of :class:`.table_files.Layout`; the rest is guessed.
 
     Raises:
         RecordingError: the file cannot be read, or Parquet's reader (pyarrow) is not installed.
     """
     parquet = path.suffix.lower() in (".parquet", ".pq")
+    sheet = path.suffix.lower() in (".xlsx", ".xls", ".xlsm", ".xlsb", ".ods")
     try:
         refuse_special(path)
         # numbers take about as much in memory as in a text; a table that is packed takes more
         check_size(path.stat().st_size, 10.0 if parquet else 2.0, f"bytes of {path}")
         if parquet:
             return pd.read_parquet(path)
-        head = pd.read_csv(path, header=None, nrows=1, dtype=str).iloc[0].dropna()
-        if twice := head[head.duplicated()].tolist():
-            raise RecordingError(f"{path}: column {twice[0]!r} stands twice")
-        return pd.read_csv(path)
+        return read_sheet(path, dict(layout)) if sheet else read_text_table(path, dict(layout))
     except ImportError:
-        raise RecordingError(
-            f"{path}: Parquet needs pyarrow: pip install 'shaftline[parquet]'"
-        ) from None
-    except RecordingError:
-        raise
+        needs = "Parquet needs pyarrow" if parquet else "a spreadsheet needs python-calamine"
+        extra = "parquet" if parquet else "excel"
+        raise RecordingError(f"{path}: {needs}: pip install 'shaftline[{extra}]'") from None
     except SizeError as error:
         raise RecordingError(str(error)) from None
+    except LayoutError as error:
+        raise RecordingError(f"{path}: {error}") from None
     except (OSError, ValueError) as error:  # pandas' and pyarrow's own are ValueErrors
-        kind = "Parquet" if parquet else "CSV"
+        kind = "Parquet" if parquet else "a spreadsheet" if sheet else "CSV"
         raise RecordingError(f"{path}: cannot be read as {kind}: {error}") from None
 
 

@@ -49,7 +49,7 @@ def _table(ship: Ship, source: Recorded, columns: Path | None) -> pd.DataFrame:
     if isinstance(source, pd.DataFrame):
         return source
     path = Path(source)
-    raw, _ = read_mapped(path, columns)
+    raw, _ = read_mapped(path, ship, columns)
     if TIME in raw:
         return raw
     if not set(raw) & set(COLUMNS):  # then it is no table of points either

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from ...plant.columns import BOUNDS, SHAFT_ANGLE, TIME, drive_column
+from ...plant.columns import BOUNDS, SHAFT_ANGLE, answered_columns, drive_column
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .loading import loaded
@@ -22,70 +22,12 @@ from .slips import HELMS, demands
 TOO_SHORT = "too short"
 """How a sentence on length begins."""
 
-_EVEN = 0.01  # share of the interval by which a step may differ and still be even
-_LONGEST_GAP = 3  # missing samples that are filled in
-_FASTEST_S, _SLOWEST_S = 1e-4, 5.0
 _FEWEST_ROWS = 200
 _WRAPPED = 2.05 * math.pi  # rad; an angle that stays inside it and jumps has lost its turns
 _TIME_CONSTANTS = 3.0
 _DULL_DEMAND = 0.05  # share of its range over which a demand must move
 _DULL_SIGNAL = 3.0  # multiple of its noise over which a measurement must move
 _FOLLOWS = 0.5  # share of the other order's misfit below which a pitch leads, not lags
-
-
-def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The table on an even time base, and warnings on what was interpolated for it."""
-    time = table[TIME].to_numpy()
-    steps = np.diff(time)
-    if (steps <= 0.0).any():
-        row = int(np.argmax(steps <= 0.0)) + 2
-        raise RecordingError(
-            f"{path}: {TIME}, row {row}: {time[row - 1]:g} s after {time[row - 2]:g} s; time must "
-            "rise from row to row"
-        )
-    usual = float(np.median(steps))
-    if not _FASTEST_S <= usual <= _SLOWEST_S:
-        raise RecordingError(
-            f"{path}: {TIME} steps by {usual:.4g} s from row to row; allowed: {_FASTEST_S:g} to "
-            f"{_SLOWEST_S:g} s; if it counts another unit, say so in the column map (unit = "
-            f'"{"ms" if usual > _SLOWEST_S else "day"}", for example)'
-        )
-    gaps = np.flatnonzero(steps > 1.5 * usual)
-    long = gaps[steps[gaps] > (_LONGEST_GAP + 1.5) * usual]
-    if len(long):
-        row = int(long[0]) + 2
-        raise RecordingError(
-            f"{path}: {TIME}, row {row}: a gap of {steps[row - 2]:.4g} s after {time[row - 2]:g} s "
-            f"where {usual:.4g} s is usual ({len(long)} such gaps; up to {_LONGEST_GAP} missing "
-            "samples are filled in); cut the recording there and use the parts"
-        )
-    uneven = np.abs(steps - usual) > 0.5 * usual
-    if uneven.mean() > 0.05:
-        row = int(np.argmax(uneven)) + 2
-        raise RecordingError(
-            f"{path}: {TIME}, row {row}: a step of {steps[row - 2]:.4g} s where {usual:.4g} s is "
-            f"usual, and {uneven.mean():.0%} of all steps differ as much; resample the recording "
-            "to an even time base"
-        )
-    warnings = []
-    if len(gaps):
-        rows = ", ".join(str(row + 2) for row in gaps[:5]) + (", ..." if len(gaps) > 5 else "")
-        warnings.append(
-            f"samples are missing before row {rows}; they were interpolated linearly"
-        )  # fmt: skip
-    elif (np.abs(steps - usual) <= _EVEN * usual).all():
-        return table, warnings
-    worst = float(np.max(np.abs(steps[steps <= 1.5 * usual] - usual)))
-    if worst > _EVEN * usual:
-        warnings.append(
-            f"steps of time differ by up to {worst:.2g} s from the usual {usual:.4g} s; every "
-            "channel was interpolated linearly onto an even time base"
-        )
-    count = round((time[-1] - time[0]) / float(np.mean(steps[~uneven]))) + 1
-    even = np.linspace(time[0], time[-1], count)
-    return pd.DataFrame(
-        {c: np.interp(even, time, table[c]) for c in table} | {TIME: even}
-    ), warnings
 
 
 def refuse_wrapped(path: Path, table: pd.DataFrame) -> None:
@@ -136,7 +78,8 @@ def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[st
                 f"dull: {column} moves over {high - low:.3g} {BOUNDS[column][2]}, "
                 f"{(high - low) / spans[column]:.1%} of its range"
             )
-    for column in (c for c in noise if c not in demands(ship, table)):
+    measured = {*answered_columns(ship)} - {*demands(ship, table)}
+    for column in (c for c in noise if c in measured):
         moves = float(table[column].std(ddof=0))
         if moves <= _DULL_SIGNAL * noise[column].white_rms:
             said.append(

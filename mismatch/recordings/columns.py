@@ -20,14 +20,22 @@ Whatever else the recording holds can be named as a signal, which terms of a shi
     [signals]
     "Beta" = { signal = "drift_angle", unit = "deg", sign = -1 }
     "Fouling days" = "days_since_docking"
+
+How the file is a table is guessed; a third table says what is known of it::
+
+    [file]
+    separator = ";"
+    decimal = ","
+    header_row = 3
 """
 
 from __future__ import annotations
 
-import functools
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias
 
 import pandas as pd
 from pydantic import (
@@ -45,10 +53,18 @@ from ...plant.columns import BOUNDS, COLUMNS, TIME
 from ...plant.expressions import FUNCTIONS
 from ...plant.recording import RecordingError
 from ...plant.terms import OF_A_TURN, TERM_SIGNALS, Name
+from .file_layout import FileLayout
+from .time_base import seconds_of_stamps
+from .units import registry, unit_of
 
 DATE_TIME = "datetime"
-"""Unit of a time column that holds dates with times of day, such as ISO 8601."""
-_PITCH = ("pitch_ratio", "pitch_ratio_command")
+"""Unit of a time column that holds dates with times of day, or times of day alone; a form of
+``strptime`` may follow it."""
+PERCENT_OF_RANGE = "percent of range"
+"""Unit of an order or a position: 100 is the ship's upper limit, -100 its lower one, 0 is 0."""
+Ranges: TypeAlias = Mapping[str, tuple[float, float]]
+"""Lowest and highest value of a canonical column on a ship."""
+PITCHES = ("pitch_ratio", "pitch_ratio_command")
 LINEAR = {"N m": "N", "rad": "m", "rad/s": "m/s"}
 """Units of a shaft, and of a linear axis in their place."""
 _TURNING = ("revolution", "radian", "degree", "turn", "rpm", "rps")
@@ -93,24 +109,67 @@ class Source(BaseModel):
 
     @model_validator(mode="after")
     def _convertible(self) -> Source:
-        self.convert(pd.Series([1.0]) if self.unit != DATE_TIME else pd.Series(["2020-01-01"]))
+        if self._stamps is None and self.unit != PERCENT_OF_RANGE:
+            self.convert(pd.Series([1.0]))
         return self
 
-    def convert(self, values: pd.Series) -> pd.Series:
-        """Values in the canonical unit; what is no number is left to the recording's own checks.
+    def with_unit_of_file(self, unit: str | None) -> Source:
+        """The same with the unit that the file states, where the map states none.
 
         Raises:
-            ValueError: the unit is unknown, or of another kind than the canonical one.
+            ValueError: it is not understood, or may mean two things.
         """
-        if self.unit == DATE_TIME:
-            if self.column != TIME:
-                raise ValueError(f"unit {DATE_TIME!r} is for {TIME} only")
-            stamps = pd.to_datetime(values, utc=True)
-            return (stamps - stamps.iloc[0]).dt.total_seconds()
+        if self.unit is not None or unit in (None, "", "-"):
+            return self
+        percent = unit in ("%", "percent", "pct") and self.column != TIME
+        try:
+            if percent:
+                raise ValueError(f'"percent" and "{PERCENT_OF_RANGE}" differ')
+            return Source.model_validate(self.model_dump(exclude_unset=True) | {"unit": unit})
+        except ValueError as error:
+            why = error.errors()[0]["msg"] if isinstance(error, ValidationError) else error
+            raise ValueError(
+                f"the file's unit {unit!r} cannot be used ({why}); say unit = in the column map"
+            ) from None
+
+    @property
+    def _stamps(self) -> str | None:
+        """What follows ``datetime`` where that is the unit; else None.
+
+        Raises:
+            ValueError: it is, and the column is not the time.
+        """
+        if self.unit is None or self.unit.split(maxsplit=1)[:1] != [DATE_TIME]:
+            return None
+        if self.column != TIME:
+            raise ValueError(f"unit {DATE_TIME!r} is for {TIME} only")
+        return self.unit[len(DATE_TIME) :].strip()
+
+    def convert(self, values: pd.Series, ranges: Ranges = MappingProxyType({})) -> pd.Series:
+        """Values in the canonical unit; what is no number is left to the recording's own checks.
+
+        Args:
+            values: as recorded.
+            ranges: of the ship's orders and positions, for what is given in percent of them.
+
+        Raises:
+            ValueError: the unit is unknown, or of another kind than the canonical one; a time stamp
+                cannot be read.
+        """
+        if (form := self._stamps) is not None:
+            return seconds_of_stamps(values, form or None)
         if self.model_fields_set <= {"column"}:
             return values
         numbers = pd.to_numeric(values, errors="coerce").astype(float)
         numbers = self.sign * (self.scale * numbers + self.offset)
+        if self.unit == PERCENT_OF_RANGE:
+            if self.column not in ranges:
+                raise ValueError(
+                    f"unit {PERCENT_OF_RANGE!r} needs a range that the ship's file holds, as that of "
+                    f"{', '.join(ranges) or 'an order'}; {self.column} has none"
+                )
+            low, high = ranges[self.column]
+            return 0.01 * numbers * (numbers < 0.0).map({True: abs(low), False: high})
         unit = BOUNDS[self.column][2]
         if self.radius_m is None:
             return numbers if self.unit is None else self._in_unit(unit, numbers)
@@ -120,9 +179,9 @@ class Source(BaseModel):
     def _in_unit(self, unit: str, numbers: pd.Series) -> pd.Series:
         """Values in a unit, the canonical one or that of a linear axis."""
         assert self.unit is not None
-        units = _units()
+        units = registry()
         wanted = units.Unit({"-": "dimensionless"}.get(unit, unit.replace(" ", "*")))
-        given = _unit(self.unit)
+        given = unit_of(self.unit)
         if not given.is_compatible_with(wanted):
             raise ValueError(f"unit {self.unit!r} cannot be turned into {unit} of {self.column}")
         angle = any(word in str(given) for word in _TURNING)
@@ -131,7 +190,7 @@ class Source(BaseModel):
             if unit == "rad/s":
                 angles = "rpm and rps are revolutions, rad/s and deg/s angles"
             raise ValueError(f"unit {self.unit!r} does not say what turns: {angles}")
-        if self.column in _PITCH and angle:  # a blade angle at 0.7 R: P/D = 0.7 pi tan
+        if self.column in PITCHES and angle:  # a blade angle at 0.7 R: P/D = 0.7 pi tan
             radians = units.Quantity(numbers.to_numpy(), given).m_as("radian")
             return 0.7 * math.pi * pd.Series(radians, numbers.index).map(math.tan)
         return pd.Series(units.Quantity(numbers.to_numpy(), given).m_as(wanted), numbers.index)
@@ -171,7 +230,7 @@ class Heard(BaseModel):
         """Unit in which terms hear it: SI."""
         if self.unit is None:
             return "-"
-        base = _units().Quantity(1.0, _unit(self.unit)).to_base_units().units
+        base = registry().Quantity(1.0, unit_of(self.unit)).to_base_units().units
         return f"{base:~C}".replace("**", "").replace("*", " ") or "-"
 
     def convert(self, values: pd.Series) -> pd.Series:
@@ -181,7 +240,7 @@ class Heard(BaseModel):
         if self.unit is None:
             return numbers
         return pd.Series(
-            _units().Quantity(numbers.to_numpy(), _unit(self.unit)).to_base_units().magnitude,
+            registry().Quantity(numbers.to_numpy(), unit_of(self.unit)).to_base_units().magnitude,
             numbers.index,
         )
 
@@ -193,6 +252,7 @@ class ColumnMap(BaseModel):
 
     columns: dict[str, Source] = {}
     signals: dict[str, Heard] = {}
+    file: FileLayout = FileLayout()
 
     @field_validator("columns", "signals", mode="before")
     @classmethod
@@ -209,8 +269,8 @@ class ColumnMap(BaseModel):
 
     @model_validator(mode="after")
     def _each_once(self) -> ColumnMap:
-        if not self.sources:
-            raise ValueError("neither [columns] nor [signals] says anything")
+        if not self.sources and not self.file.model_fields_set:
+            raise ValueError("neither [columns] nor [signals] nor [file] says anything")
         if both := sorted(set(self.columns) & set(self.signals)):
             raise ValueError(f"{both[0]!r} stands under [columns] and [signals]")
         names = [source.column for source in self.sources.values()]
@@ -219,8 +279,15 @@ class ColumnMap(BaseModel):
             raise ValueError(f"{twice[0]} is given by more than one column")
         return self
 
-    def apply(self, path: Path, table: pd.DataFrame) -> pd.DataFrame:
+    def apply(
+        self, path: Path, table: pd.DataFrame, ranges: Ranges = MappingProxyType({})
+    ) -> pd.DataFrame:
         """The table under canonical names and units; columns not in the map are kept as they are.
+
+        Args:
+            path: for messages.
+            table: as read.
+            ranges: of the ship's orders and positions, for what is given in percent of them.
 
         Raises:
             RecordingError: the map names a column that the recording does not have, gives a
@@ -238,7 +305,11 @@ class ColumnMap(BaseModel):
                     f"{path}: {source.column} is in the recording and given by {name!r} as well"
                 )
             try:
-                result[source.column] = source.convert(table[name])
+                if isinstance(source, Heard):
+                    result[source.column] = source.convert(table[name])
+                else:
+                    with_unit = source.with_unit_of_file(table.attrs.get("units", {}).get(name))
+                    result[source.column] = with_unit.convert(table[name], ranges)
             except ValueError as error:
                 raise RecordingError(f"{path}: {name!r} as {source.column}: {error}") from None
         return result
@@ -271,34 +342,7 @@ def _explained(item: dict[str, Any]) -> str:
     if item["type"] == "missing":
         return f"{key} is missing"
     if item["type"] == "extra_forbidden":
-        known = (
-            ColumnMap if len(item["loc"]) == 1 else Heard if item["loc"][0] == "signals" else Source
-        )
+        tables: dict[Any, type[BaseModel]] = {"signals": Heard, "file": FileLayout}
+        known = ColumnMap if len(item["loc"]) == 1 else tables.get(item["loc"][0], Source)
         return f"{key} is not a known key (allowed: {', '.join(known.model_fields)})"
     return f"{key}: {what}"
-
-
-def _unit(name: str) -> Any:
-    """A unit by its name.
-
-    Raises:
-        ValueError: it is not understood.
-    """
-    try:
-        return _units().parse_units(name)
-    except Exception as error:  # pint raises many kinds for text that is no unit
-        raise ValueError(
-            f"unit {name!r} is not understood ({error}); examples: rpm, kN m, knot, deg"
-        ) from None
-
-
-@functools.cache
-def _units() -> Any:
-    """The unit registry, with the spellings of ships' logs; made when a map first needs it."""
-    import pint
-
-    units: Any = pint.UnitRegistry(cache_folder=None)
-    for spelling in ("newton_metre = newton * metre = Nm", "@alias knot = kn",
-                     "@alias revolutions_per_minute = RPM"):  # fmt: skip
-        units.define(spelling)
-    return units

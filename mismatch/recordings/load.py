@@ -18,6 +18,7 @@ from ...plant.columns import (
     SHAFT_ANGLE,
     SHAFT_SPEED,
     TIME,
+    foreign_columns,
     input_columns,
 )
 from ...plant.recording import RecordingError, as_numbers, check_bounds, read_table
@@ -26,14 +27,14 @@ from ...plant.terms import OF_A_TURN
 from .checks import (
     at_rest,
     dull,
-    on_even_time,
     pitch_swapped,
     refuse_wrapped,
     too_short,
 )
 from .columns import load_map
 from .noise import Noise, describe
-from .slips import impossible_demands
+from .slips import impossible_demands, ranges_of
+from .time_base import filled, on_even_time, spread
 from .yardstick import Yardstick
 
 
@@ -110,21 +111,30 @@ def load_recording(
 
     Raises:
         RecordingError: naming file, column, row (from 1 below the header), unit and what is
-            allowed. Unreadable; a column missing; values not finite or out of bounds; time that
-            does not rise, or with a gap of more than three samples; an angle that begins anew with every
-            turn; a channel that is dead, in another unit, of the other sign or under another's name.
+            allowed. Unreadable; a column missing; values out of bounds, no numbers, or more than
+            three missing in a row; time that does not rise, or with a gap of more than three
+            samples; an angle that begins anew with every turn; a channel that is dead, in another unit,
+            of the other sign or under another's name.
     """
     path = Path(path)
-    raw, mapped = read_mapped(path, columns)
+    raw, mapped = read_mapped(path, ship, columns)
+    layout = raw.attrs.get("layout")
+    warnings = [f"read as a table with {words}"] if layout and (words := layout.words()) else []
     if not ship.turns:  # what it does not do itself its terms may hear
         told = {n: c for n, c in OF_A_TURN.items() if c in raw and n not in raw}
         raw = raw.assign(**{name: raw[column] for name, column in told.items()})
     heard = {n: u for n, u in {**signals, **ship.signals, **mapped}.items() if n in raw}
     turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
     required = list(dict.fromkeys([*input_columns(ship), turning, *ship.hears]))
-    known = [*(c for c in COLUMNS if c in raw), *sorted(heard)]
+    foreign = foreign_columns(ship)
+    known = [*(c for c in COLUMNS if c in raw and c not in foreign), *sorted(heard)]
+    raw, mended = filled(path, raw, known)
+    warnings += mended
     numbers = as_numbers(path, raw, required, heard)[known]
-    table, warnings = on_even_time(path, numbers)
+    for even in (spread, on_even_time):
+        numbers, mended = even(path, numbers)
+        warnings += mended
+    table = numbers
     refuse_wrapped(path, table)
     interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
     _refuse_slips(path, table, interval, ship)
@@ -138,23 +148,26 @@ def load_recording(
 
 
 def read_mapped(
-    path: Path, columns: str | Path | None = None
+    path: Path, ship: Ship, columns: str | Path | None = None
 ) -> tuple[pd.DataFrame, dict[str, str]]:
     """A file's table under canonical names and units, not yet checked; and units of its signals.
 
     Args:
-        path: CSV or Parquet file.
+        path: text, spreadsheet or Parquet file.
+        ship: whose limits tell what percent of a range are.
         columns: column map, or none.
 
     Raises:
         RecordingError: file or map cannot be used.
     """
-    raw = read_table(path)
     if columns is None:
-        return raw, {}
+        return read_table(path), {}
     given = load_map(columns)
+    raw = read_table(path, given.file.model_dump(exclude_none=True))
     units = {source.signal: source.unit_in_expressions for source in given.signals.values()}
-    return given.apply(path, raw), units
+    mapped = given.apply(path, raw, ranges_of(ship))
+    mapped.attrs = raw.attrs
+    return mapped, units
 
 
 def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> None:

@@ -22,6 +22,7 @@ _OUTLIER = 3.5  # standard deviations beyond which a difference is an event
 _KEPT_RMS = 0.9973  # rms of a Gaussian cut there
 _FEWEST = 4 * ORDER
 _ODD_REST = 20  # samples (or updates) without change that noise does not explain
+_ARITHMETIC = 1e-6  # share of a channel's size below which no instrument's noise lies
 _DECIMALS = 12  # digits below which two values are the same
 
 
@@ -101,7 +102,7 @@ def clipped(values: NDArray[Any], noise: Noise) -> list[tuple[float, float, int]
     A channel whose noise moves it by more than its quantisation never rests; one that rests at its
     extreme, far more often than at the value next to it, is cut off there.
     """
-    if noise.white_rms <= 2.0 * noise.quantisation:
+    if _is_still(values, noise):
         return []
     found = []
     for end, inward in ((values.max(), -1.0), (values.min(), 1.0)):
@@ -115,13 +116,19 @@ def clipped(values: NDArray[Any], noise: Noise) -> list[tuple[float, float, int]
 
 def frozen(values: NDArray[Any], noise: Noise) -> tuple[int, int]:
     """First sample and length of the longest rest of a noisy channel; (0, 0) if none is odd."""
-    if noise.white_rms <= 2.0 * noise.quantisation:
+    if _is_still(values, noise):
         return 0, 0
     edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
     lengths = np.diff(edges)
     longest = int(np.argmax(lengths))
     odd = lengths[longest] >= _ODD_REST * max(1.0, float(np.median(lengths)))
     return (int(edges[longest]), int(lengths[longest])) if odd else (0, 0)
+
+
+def _is_still(values: NDArray[Any], noise: Noise) -> bool:
+    """Whether a channel may rest: no noise moves it, besides that of arithmetic in a simulation."""
+    arithmetic = _ARITHMETIC * float(np.max(np.abs(values), initial=0.0))
+    return noise.white_rms <= max(2.0 * noise.quantisation, arithmetic)
 
 
 def _held(values: NDArray[Any]) -> int:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...plant.columns import BOUNDS, RUDDER, RUDDER_COMMAND, SHAFT_SPEED, YAW_RATE, drive_column
 from ...plant.ship import Ship
+from .columns import PERCENT_OF_RANGE, PITCHES
 from .loading import helm_column
 
 Array = NDArray[np.float64]
@@ -53,14 +54,16 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
         "V": [_unit("mV", 1e-3), _unit("kV", 1e3)],
         "A": [_unit("mA", 1e-3)],
         "mm": [_unit("m", 1e3), _unit("cm", 10.0)],
-        "-": [Slip("a blade angle in degrees", 0.04, 'unit = "deg"'), _unit("percent", 0.01)],
+        "-": [Slip("a blade angle in degrees", 0.04, 'unit = "deg"')],
     }
     unit = BOUNDS[column][2]
     found = list(by_unit.get(f"{unit} of a turn" if column == YAW_RATE else unit, []))
-    if column == "fuel_rack_mm":
-        share = ship.record()["drive_max"] / 100.0
-        found.append(Slip(f"a percentage of the {100 * share:g} mm stroke", share,
-                          f"scale = {share:g}"))  # fmt: skip
+    if column in (ranges := ranges_of(ship)):
+        high = ranges[column][1]
+        found.append(Slip(f"percent of its range to {high:.3g} {unit}", high / 100.0,
+                          f'unit = "{PERCENT_OF_RANGE}"'))  # fmt: skip
+    if unit == "-":
+        found.append(_unit("percent", 0.01))
     if column == SHAFT_SPEED and gear != 1.0:
         found += [
             Slip(f"the engine's speed (a factor {gear:.4g})", 1.0 / gear, f"scale = {1 / gear:.6g}"),
@@ -99,19 +102,26 @@ def top_speed(ship: Ship) -> float:
     return BOUNDS[SHAFT_SPEED][1]
 
 
+def ranges_of(ship: Ship) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each order, and of the positions that follow them."""
+    plant = ship.record()
+    found = {drive_column(ship): (float(plant["drive_min"]), float(plant["drive_max"]))}
+    if ship.has_variable_pitch:
+        pitch = float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])
+        found |= dict.fromkeys(PITCHES, pitch)
+    if ship.turns:
+        found |= dict.fromkeys(HELMS, (-float(plant["rudder_max"]), float(plant["rudder_max"])))
+    return found
+
+
 def range_of(column: str, ship: Ship) -> str:
     """Range of a demand, or of the shaft's speed, in words."""
-    plant = ship.record()
-    if column == "pitch_ratio_command":
-        low, high = plant["pitch_ratio_min"], plant["pitch_ratio_max"]
-    elif column in HELMS:
-        low, high = -plant["rudder_max"], plant["rudder_max"]
-    elif column == SHAFT_SPEED and ship.turns_freely:
-        top = top_speed(ship) / 3.0
-        slow = plant["engine_speed_min"] / plant["gear_ratio"]
+    if column == SHAFT_SPEED and ship.turns_freely:
+        plant, top = ship.record(), top_speed(ship) / 3.0
+        slow = float(plant["engine_speed_min"] / plant["gear_ratio"])
         low, high = (slow if ship.has_diesel else -top), top
     else:
-        low, high = plant["drive_min"], plant["drive_max"]
+        low, high = ranges_of(ship)[column]
     return f"{low:.3g} to {high:.3g} {BOUNDS[column][2]}"
 
 
@@ -133,7 +143,7 @@ def impossible_demands(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
         found = [s for s in slips_of(column, ship) if _possible(s.read(values), low, high, 0.1)]
         takes = f"takes {range_of(column, ship)}"
         if found:
-            yield looks_like(column, found[:1], float(np.median(values)), takes)
+            yield looks_like(column, found[:2], float(np.median(values)), takes)
         else:
             row = int(np.argmax(np.abs(values) > high if (np.abs(values) > high).any()
                                 else values < low))  # fmt: skip

@@ -167,12 +167,13 @@ class Yardstick:
 
     def _sentence(self, column: str, slips: list[Slip]) -> str:
         found, unit = float(self.table[column].median()), BOUNDS[column][2]
-        expected = f"takes {range_of(column, self.ship)}"
         if self.sailed is not None and column in self.off:
             reached = float(self.sailed[column].median())
             expected = f"reaches {reached:.4g} {unit} with these demands"
             if column == SHAFT_SPEED:
                 expected += f" (its range: {range_of(column, self.ship)})"
+        else:
+            expected = f"takes {range_of(column, self.ship)}"
         return looks_like(column, slips, found, expected)
 
     def dead(self) -> Iterator[str]:

@@ -19,7 +19,6 @@ from .trials import COLUMNS, NOISE, voyage
 @pytest.mark.parametrize(
     ("column", "row", "value", "words"),
     [
-        ("ship_speed_m_s", 7, math.nan, r"ship_speed_m_s, row 8: .*nan.* is not a finite number"),
         ("shaft_speed_rad_s", 0, math.inf, r"shaft_speed_rad_s, row 1: .*inf.*rad/s"),
         ("fuel_rack_mm", 2, "full", r"fuel_rack_mm, row 3: 'full' is not a finite number"),
         ("ship_speed_m_s", 5, 70.0, r"ship_speed_m_s, row 6: 70 m/s lies outside -40 to 40 m/s"),
@@ -57,10 +56,16 @@ def test_jitter_is_resampled_with_a_warning(load: Load, calm: pd.DataFrame) -> N
     np.testing.assert_allclose(np.diff(found.time_s), 0.1, rtol=1e-3)
 
 
-def test_uneven_time_is_refused(load: Load, calm: pd.DataFrame) -> None:
-    steps = np.random.default_rng(2).choice([0.03, 0.1, 0.2], len(calm), p=[0.3, 0.4, 0.3])
-    with pytest.raises(RecordingError, match="of all steps differ as much; resample"):
-        load(calm.assign(time_s=np.cumsum(steps)))
+def test_irregular_time_is_resampled_and_said(load: Load, calm: pd.DataFrame) -> None:
+    kept = np.random.default_rng(2).random(len(calm)) < 0.7
+    kept[[0, -1]] = True
+    while (gaps := np.diff(np.flatnonzero(kept)) > 4).any():
+        kept[np.flatnonzero(kept)[np.flatnonzero(gaps)] + 2] = True
+    found = load(calm[kept])
+    assert "steps of time run from 0.1 to 0.4 s" in found.warnings[0]
+    assert "every channel was interpolated linearly" in found.warnings[0]
+    expected = np.interp(found.time_s, calm["time_s"], calm["ship_speed_m_s"])
+    assert np.sqrt(np.mean((found["ship_speed_m_s"] - expected) ** 2)) < 0.06  # its noise
 
 
 def test_time_in_milliseconds_is_refused_and_mended(load: Load, calm: pd.DataFrame) -> None:

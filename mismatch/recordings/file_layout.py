@@ -1,0 +1,38 @@
+"""What a column map says of how a file is a table."""
+
+from __future__ import annotations
+
+import codecs
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+
+class FileLayout(BaseModel):
+    """What is known of how a file is a table; the rest is guessed (:class:`.table_files.Layout`)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    separator: str | None = Field(default=None, description="between fields: one sign, or tab")
+    decimal: Literal[".", ","] | None = Field(default=None, description="decimal sign")
+    encoding: str | None = Field(default=None, description="of the text, as Python names it")
+    header_row: int | None = Field(default=None, ge=1, le=1000, description="line of the names")
+    unit_row: int | None = Field(default=None, ge=1, le=1000, description="line of the units")
+    sheet: str | None = Field(default=None, description="of a spreadsheet; the first by default")
+
+    @field_validator("separator")
+    @classmethod
+    def _one_sign(cls, value: str | None) -> str | None:
+        value = "\t" if value == "tab" else value
+        if value is not None and (len(value) != 1 or value.isalnum() or value in "\r\n.\"'"):
+            raise ValueError(f"{value!r} (allowed: one sign such as ; , | or tab)")
+        return value
+
+    @field_validator("encoding")
+    @classmethod
+    def _encoding(cls, value: str | None) -> str | None:
+        try:
+            codecs.lookup(value or "utf-8")
+        except LookupError:
+            raise ValueError(f"{value!r} is unknown (utf-8, utf-16, cp1252, ...)") from None
+        return value

@@ -1,0 +1,210 @@
+"""The time base of a recording: what loggers' stamps mean, what is missing, and an even spacing."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...plant.columns import TIME
+from ...plant.recording import RecordingError
+
+LONGEST_GAP = 3
+"""Missing samples that are filled in."""
+
+_EVEN = 0.01  # share of the interval by which a step may differ and still be even
+_UNEVEN = 0.05  # share of steps far from the usual above which a recording is called irregular
+_FASTEST_S, _SLOWEST_S = 1e-4, 5.0
+_DAY_S = 86400.0
+_REGULAR = 0.9  # share of a coarse clock's stamps that stand over as many rows, or one more or less
+_SPARSE = 0.95  # share of a slow channel's values that come at the same spacing
+_CLOCK = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*")
+_DOTTED = re.compile(r"\s*\d{1,2}\.\d{1,2}\.\d{2,4}\b")
+_COMMA_SECONDS = re.compile(r"(:\d{2}),(\d)")
+
+
+def seconds_of_stamps(values: pd.Series, form: str | None = None) -> pd.Series:
+    """Seconds since the first of a column of dates with times, or of times of day alone.
+
+    Times of day count on over midnight. Dates with dots have their day first; others that could be
+    read with the day or the month first are refused where it matters.
+
+    Args:
+        values: texts, or what a spreadsheet holds as dates or times.
+        form: of the stamps, as of ``strptime``; none to find out.
+
+    Raises:
+        ValueError: a stamp cannot be read, or may mean two moments.
+    """
+    texts = values if pd.api.types.is_datetime64_any_dtype(values) else values.astype(str)
+    if (form is None and texts.dtype == object) or pd.api.types.is_string_dtype(texts):
+        clock = texts.str.extract(f"^{_CLOCK.pattern}$").to_numpy()
+        if form is None and not pd.isna(clock[:, :2]).any():
+            return pd.Series(_counted_on(clock), values.index)
+        texts = texts.str.replace(_COMMA_SECONDS, r"\1.\2", regex=True)
+    stamps = _moments(texts, form)
+    return (stamps - stamps.iloc[0]).dt.total_seconds()
+
+
+def _counted_on(clock: NDArray[Any]) -> NDArray[np.float64]:
+    """Seconds of hours, minutes and seconds, a day added at each fall by more than half a day."""
+    seconds = np.array([[float(str(part).replace(",", ".")) if isinstance(part, str) else 0.0
+                         for part in row] for row in clock]) @ [3600.0, 60.0, 1.0]  # fmt: skip
+    falls = np.diff(seconds, prepend=seconds[0]) < -0.5 * _DAY_S
+    seconds = seconds + _DAY_S * np.cumsum(falls)
+    return np.asarray(seconds - seconds[0], dtype=np.float64)
+
+
+def _moments(texts: pd.Series, form: str | None) -> pd.Series:
+    if form is not None:
+        return pd.to_datetime(texts, format=form, utc=True)
+    try:
+        return pd.to_datetime(texts, format="ISO8601", utc=True)
+    except ValueError:
+        pass
+    first = str(texts.iloc[0])
+    if _DOTTED.match(first):
+        return pd.to_datetime(texts, dayfirst=True, utc=True)
+    read = {}
+    for day_first in (False, True):
+        try:
+            read[day_first] = pd.to_datetime(texts, dayfirst=day_first, utc=True)
+        except ValueError as error:
+            refused = error
+    if not read:
+        raise refused
+    spans = [stamps - stamps.iloc[0] for stamps in read.values()]
+    if len(spans) == 2 and not spans[0].equals(spans[1]):
+        raise ValueError(
+            f"{first!r} may have its day or its month first, and the date changes; say "
+            'unit = "datetime %d/%m/%Y %H:%M:%S", for example'
+        )
+    return next(iter(read.values()))
+
+
+def spread(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The table with the rows of a clock that is coarser than they are spread evenly, and a warning.
+
+    Args:
+        path: for messages.
+        table: finite; its time never falls back where it is spread.
+    """
+    time = table[TIME].to_numpy()
+    stamps, first, counts = np.unique(time, return_index=True, return_counts=True)
+    if len(stamps) == len(time) or len(stamps) < 4 or (np.diff(time) < 0.0).any():
+        return table, []
+    inner = counts[1:-1]  # the first and the last may be cut off
+    usual = float(np.median(inner))
+    if usual < 2.0 or np.mean(np.abs(inner - usual) <= 1.0) < _REGULAR:
+        return table, []
+    rate = float(np.median(np.diff(stamps))) / float(np.mean(inner[np.abs(inner - usual) <= 1.0]))
+    rows = np.arange(len(time), dtype=np.float64)
+    knots, at = first[1:].astype(np.float64), stamps[1:]
+    even = np.interp(rows, knots, at)
+    even = np.where(rows < knots[0], at[0] - rate * (knots[0] - rows), even)
+    even = np.where(rows > knots[-1], at[-1] + rate * (rows - knots[-1]), even)
+    step = float(np.median(np.diff(stamps)))
+    return table.assign(**{TIME: even}), [
+        f"the clock stands still for {usual:g} rows at a time and then steps by {step:g} s; the rows "
+        f"were spread evenly between its steps, {rate:.4g} s apart"
+    ]
+
+
+def filled(path: Path, table: pd.DataFrame, known: list[str]) -> tuple[pd.DataFrame, list[str]]:
+    """The table with short runs of missing values filled in, and warnings that say how much.
+
+    Up to :data:`LONGEST_GAP` values in a row are filled in along a straight line. A channel that has a
+    value in every so many rows only, as a slow instrument has beside fast ones, keeps each until the
+    next. Text that is no number is left for the check of numbers.
+
+    Raises:
+        RecordingError: more are missing in a row; names column, row and how many.
+    """
+    said = []
+    for column in (c for c in known if c != TIME and c in table):
+        missing = table[column].isna().to_numpy()
+        if not missing.any() or missing.all():
+            continue
+        numbers = pd.to_numeric(table[column], errors="coerce")
+        if (numbers.isna().to_numpy() & ~missing).any():
+            continue  # text: refused by name later
+        present = np.flatnonzero(~missing)
+        edges = np.concatenate([[-1], present, [len(table)]])
+        runs = np.diff(edges) - 1
+        every = int(np.median(np.diff(present))) if len(present) > 2 else 1
+        regular = every > 1 and np.mean(np.diff(present) == every) >= _SPARSE
+        if regular and runs.max() <= every + LONGEST_GAP:
+            table = table.assign(**{column: numbers.ffill().bfill()})
+            said.append(f"{column} has a value in every {every} rows; each was kept until the next")
+            continue
+        if runs.max() > LONGEST_GAP:
+            row = int(edges[int(np.argmax(runs))]) + 2
+            raise RecordingError(
+                f"{path}: {column}, row {row}: {runs.max()} values in a row are missing "
+                f"({missing.sum()} of {len(table)} in all); up to {LONGEST_GAP} are filled in; cut the "
+                "recording there and use the parts, or leave the column out"
+            )
+        whole = numbers.interpolate(limit_direction="both")
+        table = table.assign(**{column: whole})
+        said.append(
+            f"{column}: {missing.sum()} of {len(table)} values were missing, up to {runs.max()} in a "
+            f"row, first in row {int(np.argmax(missing)) + 1}; they were interpolated linearly"
+        )
+    return table, said
+
+
+def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The table on an even time base, and warnings on what was interpolated for it."""
+    time = table[TIME].to_numpy()
+    steps = np.diff(time)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0)) + 2
+        raise RecordingError(
+            f"{path}: {TIME}, row {row}: {time[row - 1]:g} s after {time[row - 2]:g} s; time must "
+            "rise from row to row"
+        )
+    usual = float(np.median(steps))
+    if not _FASTEST_S <= usual <= _SLOWEST_S:
+        raise RecordingError(
+            f"{path}: {TIME} steps by {usual:.4g} s from row to row; allowed: {_FASTEST_S:g} to "
+            f"{_SLOWEST_S:g} s; if it counts another unit, say so in the column map (unit = "
+            f'"{"ms" if usual > _SLOWEST_S else "day"}", for example)'
+        )
+    gaps = np.flatnonzero(steps > 1.5 * usual)
+    long = gaps[steps[gaps] > (LONGEST_GAP + 1.5) * usual]
+    if len(long):
+        row = int(long[0]) + 2
+        raise RecordingError(
+            f"{path}: {TIME}, row {row}: a gap of {steps[row - 2]:.4g} s after {time[row - 2]:g} s "
+            f"where {usual:.4g} s is usual ({len(long)} such gaps; up to {LONGEST_GAP} missing "
+            "samples are filled in); cut the recording there and use the parts"
+        )
+    uneven = np.abs(steps - usual) > 0.5 * usual
+    if not len(gaps) and (np.abs(steps - usual) <= _EVEN * usual).all():
+        return table, []
+    warnings = []
+    onto = "every channel was interpolated linearly onto an even time base"
+    if uneven.mean() > _UNEVEN:
+        warnings.append(
+            f"steps of time run from {steps.min():.3g} to {steps.max():.3g} s, {uneven.mean():.0%} of "
+            f"them more than half off the usual {usual:.4g} s; {onto}, which hides some of its noise"
+        )
+    elif len(gaps):
+        rows = ", ".join(str(row + 2) for row in gaps[:5]) + (", ..." if len(gaps) > 5 else "")
+        warnings.append(
+            f"samples are missing before row {rows}; they were interpolated linearly"
+        )  # fmt: skip
+    worst = float(np.max(np.abs(steps[steps <= 1.5 * usual] - usual)))
+    if worst > _EVEN * usual and uneven.mean() <= _UNEVEN:
+        warnings.append(
+            f"steps of time differ by up to {worst:.2g} s from the usual {usual:.4g} s; {onto}"
+        )
+    count = round((time[-1] - time[0]) / float(np.mean(steps[~uneven]))) + 1
+    even = np.linspace(time[0], time[-1], count)
+    return pd.DataFrame(
+        {c: np.interp(even, time, table[c]) for c in table} | {TIME: even}
+    ), warnings

@@ -1,0 +1,259 @@
+"""Tables as loggers write them: separator, decimal comma, encoding, lines above the names, units.
+
+What a file does not say is guessed from its first lines, and the guess goes with the table
+(``table.attrs["layout"]``), so that it can be shown.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import zipfile
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..core.sizes import check_size
+
+_READ_BYTES = 100_000
+_SEPARATORS = ("\t", ";", "|", ",")  # a comma last: it may be the decimal sign of the others
+_CONSTANT = 0.9  # share of the lines that must have as many fields
+_HEAD_ROWS = 100  # of a spreadsheet, in which its names are looked for
+_SHORT = 16  # letters of a unit at most
+_NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
+
+
+class LayoutError(ValueError):
+    """A file that is no table; the message says why."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text file is a table.
+
+    Args:
+        encoding: of the text, as Python names it.
+        separator: between fields.
+        decimal: sign, ``.`` or ``,``.
+        header_row: line of the names, from 1.
+        unit_row: line of the units, if there is one.
+        sheet: of a spreadsheet; None for a text.
+    """
+
+    encoding: str = "utf-8"
+    separator: str = ","
+    decimal: str = "."
+    header_row: int = 1
+    unit_row: int | None = None
+    sheet: str | None = None
+
+    def words(self) -> str:
+        """What is not plain about it; empty for a plain file."""
+        said = [] if self.sheet is None else [f"sheet {self.sheet!r}"]
+        if self.encoding != "utf-8":
+            said.append(f"encoding {self.encoding}")
+        if self.separator != ",":
+            said.append(f"separator {_NAMES.get(self.separator, self.separator)}")
+        if self.decimal != ".":
+            said.append("decimal comma")
+        if self.header_row != 1:
+            said.append(f"names in line {self.header_row}")
+        if self.unit_row is not None:
+            said.append(f"units in line {self.unit_row}")
+        return ", ".join(said)
+
+
+def _encoding(head: bytes) -> str:
+    for mark, name in (
+        (b"\xff\xfe", "utf-16"),
+        (b"\xfe\xff", "utf-16"),
+        (b"\xef\xbb\xbf", "utf-8-sig"),
+    ):
+        if head.startswith(mark):
+            return name
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 4:  # not merely cut off within a letter
+            return "cp1252"
+    return "utf-8"
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    text = cell.strip()
+    if decimal == ",":
+        text = text.replace(".", "").replace(",", ".")
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def guessed(path: Path) -> Layout:
+    """The layout of a text file, from its first lines.
+
+    Raises:
+        LayoutError: nothing in it looks like a table with names.
+    """
+    with path.open("rb") as file:
+        head = file.read(_READ_BYTES)
+    whole = len(head) < _READ_BYTES
+    if b"\x00" in head and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise LayoutError("it holds bytes that are no text")
+    encoding = _encoding(head)
+    lines = head.decode(encoding, errors="ignore").splitlines()[: None if whole else -1]
+    if not any(line.strip() for line in lines):
+        raise LayoutError("it is empty")
+    last = [line for line in lines[len(lines) // 2 :] if line.strip()]
+    for separator in _SEPARATORS:
+        widths = Counter(len(_cells(line, separator)) for line in last)
+        width, count = widths.most_common(1)[0]
+        if width > 1 and count >= _CONSTANT * len(last):
+            break
+    else:
+        separator, width = ",", 1
+    body = [cell for line in last for cell in _cells(line, separator)]
+    comma = sum(bool(re.fullmatch(r"\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*", c, re.I)) for c in body)
+    point = sum(bool(re.fullmatch(r"\s*[-+]?\d*\.\d+(e[-+]?\d+)?\s*", c, re.I)) for c in body)
+    decimal = "," if separator != "," and comma > point else "."
+    rows = [_cells(line, separator) if line.strip() else [] for line in lines]
+    return Layout(encoding, separator, decimal, *_names_and_units(rows, width, decimal))
+
+
+def _names_and_units(rows: list[list[str]], width: int, decimal: str) -> tuple[int, int | None]:
+    """Row of the names, from 1, and of the units, if there is one.
+
+    They are the rows of text right above the numbers, as wide as they are.
+    """
+    found: list[int] = []
+    for number, cells in enumerate(rows, start=1):
+        if len(cells) != width or not any(cell.strip() for cell in cells):
+            found = []
+        elif 2 * sum(_is_number(cell, decimal) for cell in cells) >= width:
+            break
+        else:
+            found.append(number)
+    else:
+        return (found or [1])[0], None  # no numbers: its reader says what is wrong with it
+    if not found:
+        return 1, None
+    if len(found) > 1 and _are_units(rows[found[-1] - 1]):
+        return found[-2], found[-1]
+    return found[-1], None
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return next(csv.reader([line], delimiter=separator))
+
+
+def _are_units(cells: list[str]) -> bool:
+    """Whether cells are short and none of them a date or a time."""
+    return all(len(c.strip()) <= _SHORT and not re.search(r"\d:\d", c) for c in cells)
+
+
+def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
+    """The table of a text file; ``attrs`` has its ``layout``, and ``units`` by name where it has them.
+
+    Args:
+        path: of the file.
+        given: fields of :class:`Layout` that are known; the others are guessed.
+
+    Raises:
+        LayoutError: no table, or a name that stands twice.
+        ValueError: of pandas, which cannot read it.
+    """
+    layout = replace(guessed(path), **(given or {}))
+
+    def read(**options: Any) -> pd.DataFrame:
+        table: pd.DataFrame = pd.read_csv(
+            path, sep=layout.separator, decimal=layout.decimal, encoding=layout.encoding, **options
+        )
+        return table
+
+    above = list(range(layout.header_row - 1))
+    names = _unique(read(header=None, skiprows=above, nrows=1, dtype=str).iloc[0])
+    skipped = above if layout.unit_row is None else [*above, layout.unit_row - 1]
+    table = read(skiprows=skipped)
+    units = None
+    if layout.unit_row is not None:
+        units = read(header=None, skiprows=layout.unit_row - 1, nrows=1, dtype=str).iloc[0]
+    if len(names) == len(table.columns):  # fewer where rows end with a separator
+        table.columns = pd.Index(names)
+    return _labelled(table, layout, units)
+
+
+def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
+    """The table of a spreadsheet (xlsx, xls, xlsb or ods), as of :func:`read_text_table`.
+
+    Its macros and formulas are not run; what they gave last is read.
+
+    Args:
+        path: of the file.
+        given: ``sheet`` (the first by default), ``header_row`` and ``unit_row`` where they are known.
+
+    Raises:
+        LayoutError: no table, no such sheet, or a name that stands twice.
+        ImportError: its reader is not installed.
+    """
+    said = dict(given or {})
+    if path.suffix.lower() != ".xls":
+        _check_unpacked(path)
+    import python_calamine
+
+    try:
+        book = pd.ExcelFile(path, engine="calamine")
+    except (python_calamine.CalamineError, ValueError) as error:
+        raise LayoutError(f"it is no spreadsheet ({error})") from None
+    with book:
+        sheet = said.get("sheet", book.sheet_names[0])
+        if sheet not in book.sheet_names:
+            raise LayoutError(
+                f"no sheet {sheet!r}; it has: {', '.join(map(str, book.sheet_names))}"
+            )
+        raw = book.parse(sheet, header=None)
+    if raw.empty:
+        raise LayoutError(f"sheet {sheet!r} is empty")
+    head = [["" if pd.isna(c) else str(c) for c in row] for row in raw.head(_HEAD_ROWS).to_numpy()]
+    header, unit = _names_and_units(head, len(raw.columns), ".")
+    layout = Layout(
+        "utf-8", ",", ".", said.get("header_row", header), said.get("unit_row", unit), sheet
+    )
+    if layout.header_row > len(raw):
+        raise LayoutError(f"sheet {sheet!r} has {len(raw)} rows; the names' is {layout.header_row}")
+    below = max(layout.header_row, layout.unit_row or 0)
+    table = raw.iloc[below:].reset_index(drop=True)
+    table.columns = pd.Index(_unique(raw.iloc[layout.header_row - 1]))
+    units = None if layout.unit_row is None else raw.iloc[layout.unit_row - 1]
+    return _labelled(table.infer_objects(), layout, units)
+
+
+def _check_unpacked(path: Path) -> None:
+    try:
+        with zipfile.ZipFile(path) as members:
+            size = sum(member.file_size for member in members.infolist())
+    except zipfile.BadZipFile:
+        raise LayoutError("it is no spreadsheet") from None
+    check_size(size, 10.0, f"bytes of {path}, unpacked")
+
+
+def _unique(row: pd.Series) -> list[str]:
+    """Names of a row; those without one are called as pandas does."""
+    names = [f"Unnamed: {i}" if pd.isna(name) else str(name).strip() for i, name in enumerate(row)]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise LayoutError(f"column {twice[0]!r} stands twice")
+    return names
+
+
+def _labelled(table: pd.DataFrame, layout: Layout, units: pd.Series | None) -> pd.DataFrame:
+    table.attrs["layout"] = layout
+    if units is not None:
+        table.attrs["units"] = {
+            name: unit.strip().strip("[]()").strip()
+            for name, unit in zip(table.columns, units, strict=False)
+            if isinstance(unit, str)
+        }
+    return table
