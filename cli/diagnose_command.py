@@ -11,6 +11,7 @@ from .. import mismatch
 from ..core.sweep import check_backend
 from ..mismatch import Options
 from ..mismatch.diagnosis import SHIP
+from ..mismatch.example import concealed, copied_to
 from ..mismatch.folder import recordings_in
 from ..mismatch.report.files import PAGE, REPORT
 from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE
@@ -29,19 +30,28 @@ from .console import (
 
 def diagnose(
     recordings: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(
             help="Recordings (CSV or Parquet) of one condition of the ship, diagnosed together; "
             "or one FOLDER, each of whose recordings is diagnosed for itself.",
             metavar="RECORDING... | FOLDER",
             show_default=False,
         ),
-    ],
-    ship: BelievedShip,
+    ] = None,
+    ship: BelievedShip = "",
     out: Annotated[
-        Path, typer.Option(help="Folder for the report and the corrected ship.", show_default=False)
-    ],
+        Path | None,
+        typer.Option(help="Folder for the report and the corrected ship.", show_default=False),
+    ] = None,
     columns: ColumnMap = None,
+    example: Annotated[
+        bool,
+        typer.Option(
+            "--example",
+            help="Diagnose the recording that comes with the package, to see how it is done; its files "
+            "are copied to --out (out/example if it is left out).",
+        ),
+    ] = False,
     hold_out: Annotated[
         list[Path] | None,
         typer.Option(
@@ -152,6 +162,8 @@ def diagnose(
     are listed with their error and do not stop the rest. What is finished is not done again.
 
     Examples:
+        shaftline diagnose --example
+
         shaftline diagnose trial.csv --ship frigate --out out/trial
 
         shaftline diagnose log.parquet --ship mine.toml --columns logger.toml --out out/log
@@ -168,6 +180,20 @@ def diagnose(
         shaftline diagnose trials/ --ship frigate --out out/trials --jobs 8
     """
     with clear_errors():
+        if example:
+            if recordings or ship or columns:
+                raise ValueError("--example brings its own recording, ship and column map")
+            out = out or Path("out/example")
+            check_folder(out)
+            recording, columns, file = copied_to(out)
+            recordings, ship = [recording], str(file)
+            say(f"recording: {recording}   column map: {columns}   ship: {file}")
+        if not recordings or not ship or out is None:
+            missing = "a RECORDING" if not recordings else "--ship" if not ship else "--out"
+            raise ValueError(
+                f"{missing} is needed: shaftline diagnose RECORDING --ship SHIP --out FOLDER; "
+                "`shaftline diagnose --example` shows how"
+            )
         check_folder(out)
         vessel = load_ship(ship)
         keys = tuple(key.strip() for key in free.split(",") if key.strip())
@@ -195,6 +221,8 @@ def diagnose(
             diagnosis.save(out)
         say(diagnosis.summary())
         say(f"\nreport: {out / PAGE}   data: {out / REPORT}   corrected ship: {out / SHIP}")
+        if example:
+            say(f"what was concealed: {concealed()}; the report was made without knowing it")
 
 
 def _folder(

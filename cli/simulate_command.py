@@ -18,7 +18,7 @@ from ..plant.recording import read_recording
 from ..plant.replay import simulate_recording
 from ..plant.signals import SIGNALS
 from ..studies.thesis.load_cases import CASES, NOISE_SNR_DB, get_case
-from .console import clear_errors, console
+from .console import clear_errors, say
 
 
 def simulate(
@@ -45,7 +45,8 @@ def simulate(
     """Simulate a ship open loop, driven by a recording or by a load case.
 
     A recording has the columns `time_s`, `fuel_rack_mm` (`motor_voltage_V` for a DC motor) and
-    `pitch_ratio_command`; it is written back with everything else simulated. Where it also holds
+    `pitch_ratio_command`; it is written back with every signal simulated: true
+    values, instruments' readings, forces. Where it also holds
     `pitch_ratio`, `shaft_speed_rad_s` (or `shaft_angle_rad`) and `ship_speed_m_s`, the simulation
     starts from their first row, otherwise from the steady state at the first demands.
 
@@ -82,13 +83,13 @@ def simulate(
             recording = read_recording(
                 inputs, [*input_columns(vessel), *vessel.hears], vessel.signals
             )
-            table = simulate_recording(vessel, recording, realised)
+            table = simulate_recording(vessel, recording, realised, every_signal=True)
             title = f"{vessel.name} driven by {inputs.name}"
         if watcher is not None:
             table = follow_table(watcher, vessel, table)
         if out is not None:
             write_atomically(out, lambda f: table.to_csv(f, index=False, float_format="%.10g"))
-            console.print(f"{len(table)} rows written to {out}", highlight=False, soft_wrap=True)
+            say(f"{len(table)} rows written to {out}")
         if figure is not None:
             figures.save(figures.columns(table, title), figure)
-            console.print(f"picture: {figure}", highlight=False, soft_wrap=True)
+            say(f"picture: {figure}")

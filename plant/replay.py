@@ -31,7 +31,7 @@ from .hull import wake_inflow, water_speed
 from .memory import MEMORY
 from .recording import RecordingError
 from .ship import Ship
-from .signals import SAMPLE
+from .signals import SAMPLE, SIGNALS
 from .simulation import trajectory
 from .state import STATE, Inputs, State
 from .steady_state import equilibrium
@@ -286,7 +286,9 @@ class Replay:
         return np.asarray(samples[:: self.per_row])
 
 
-def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> pd.DataFrame:
+def simulate_recording(
+    ship: Ship, recording: pd.DataFrame, sea: Any = None, *, every_signal: bool = False
+) -> pd.DataFrame:
     """Drive a ship open loop with a recording's inputs, from its first row's state.
 
     Args:
@@ -294,6 +296,8 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
         recording: from :func:`shaftline.plant.read_recording`. Its ``propeller_submergence_m`` and
             ``inflow_velocity_m_s`` (measured advance velocity) act where it has them, on top of ``sea``.
         sea: SEA record from :func:`shaftline.plant.realise`, or None for calm water.
+        every_signal: whether every signal of :data:`.signals.SIGNALS` is there as well, true values
+            and instruments' readings.
 
     Returns:
         The same time base and canonical columns: the inputs as given, everything else simulated.
@@ -313,4 +317,6 @@ def simulate_recording(ship: Ship, recording: pd.DataFrame, sea: Any = None) -> 
         for c in answered_columns(ship)
         if c not in columns and (c in ON_ANY_SHIP or c in IN_A_TURN or c in recording)
     }
+    if every_signal:
+        columns |= {s.column: samples[s.name] for s in SIGNALS if s.column not in columns}
     return pd.DataFrame(columns)

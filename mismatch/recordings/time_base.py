@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,9 @@ def _moments(texts: pd.Series, form: str | None) -> pd.Series:
     read = {}
     for day_first in (False, True):
         try:
-            read[day_first] = pd.to_datetime(texts, dayfirst=day_first, utc=True)
+            with warnings.catch_warnings():  # that the other order was asked for
+                warnings.simplefilter("ignore", UserWarning)
+                read[day_first] = pd.to_datetime(texts, dayfirst=day_first, utc=True)
         except ValueError as error:
             refused = error
     if not read:
@@ -108,7 +111,7 @@ def spread(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     even = np.where(rows < knots[0], at[0] - rate * (knots[0] - rows), even)
     even = np.where(rows > knots[-1], at[-1] + rate * (rows - knots[-1]), even)
     step = float(np.median(np.diff(stamps)))
-    return table.assign(**{TIME: even}), [
+    return table.assign(**{TIME: even - even[0] + time[0]}), [
         f"the clock stands still for {usual:g} rows at a time and then steps by {step:g} s; the rows "
         f"were spread evenly between its steps, {rate:.4g} s apart"
     ]
@@ -186,25 +189,23 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
     uneven = np.abs(steps - usual) > 0.5 * usual
     if not len(gaps) and (np.abs(steps - usual) <= _EVEN * usual).all():
         return table, []
-    warnings = []
+    said = []
     onto = "every channel was interpolated linearly onto an even time base"
     if uneven.mean() > _UNEVEN:
-        warnings.append(
+        said.append(
             f"steps of time run from {steps.min():.3g} to {steps.max():.3g} s, {uneven.mean():.0%} of "
             f"them more than half off the usual {usual:.4g} s; {onto}, which hides some of its noise"
         )
     elif len(gaps):
         rows = ", ".join(str(row + 2) for row in gaps[:5]) + (", ..." if len(gaps) > 5 else "")
-        warnings.append(
+        said.append(
             f"samples are missing before row {rows}; they were interpolated linearly"
         )  # fmt: skip
     worst = float(np.max(np.abs(steps[steps <= 1.5 * usual] - usual)))
     if worst > _EVEN * usual and uneven.mean() <= _UNEVEN:
-        warnings.append(
+        said.append(
             f"steps of time differ by up to {worst:.2g} s from the usual {usual:.4g} s; {onto}"
         )
     count = round((time[-1] - time[0]) / float(np.mean(steps[~uneven]))) + 1
     even = np.linspace(time[0], time[-1], count)
-    return pd.DataFrame(
-        {c: np.interp(even, time, table[c]) for c in table} | {TIME: even}
-    ), warnings
+    return pd.DataFrame({c: np.interp(even, time, table[c]) for c in table} | {TIME: even}), said

@@ -29,7 +29,7 @@ def _rows() -> Iterator[tuple[str, str]]:
         yield f"simulate --ship {name}.toml --case rack_step --out o.csv", words
     for name, words in {
         "pipe": "no ordinary file", "zero": "no ordinary file", "null": "no ordinary file",
-        "empty": "cannot be read", "one": "is missing", "bytes": "bytes.csv", "text": "is missing",
+        "empty": "it is empty", "one": "is missing", "bytes": "bytes.csv", "text": "is missing",
         "span": "at most", "nan": "nan.csv", "twice": "'fuel_rack_mm' stands twice",
         "nowhere": "cannot be read",
     }.items():  # fmt: skip

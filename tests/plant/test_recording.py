@@ -119,9 +119,7 @@ def test_missing_column_is_named(table: pd.DataFrame, tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", "time_s\n0.0\n"])
 def test_recording_without_rows_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "r.csv").write_text(text)
-    with pytest.raises(
-        RecordingError, match=r"r\.csv: (it is empty|1 row\(s\); at least 2)"
-    ):
+    with pytest.raises(RecordingError, match=r"r\.csv: (it is empty|1 row\(s\); at least 2)"):
         read_recording(tmp_path / "r.csv", ["time_s"])
 
 

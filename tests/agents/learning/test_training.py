@@ -291,7 +291,10 @@ def test_a_training_does_not_go_on_with_another_ship_of_the_same_file(tmp_path: 
         ({"env_kwargs": {"observer": "eye"}}, "unknown observer 'eye'"),
         ({"env_kwargs": {"fog": 1}}, "'fog'; known"),
         ({"hyperparameters": {"batch_size": "many"}}, "batch_size = 'many': must be a number"),
-        ({"hyperparameters": {"learning_rate": "lin_fast"}}, "learning_rate = 'lin_fast': must be a number, or lin_NUMBER"),
+        (
+            {"hyperparameters": {"learning_rate": "lin_fast"}},
+            "learning_rate = 'lin_fast': must be a number, or lin_NUMBER",
+        ),
         (
             {"algorithm": "sac", "hyperparameters": SAC | {"use_sde": True}},
             "SAC refuses.*clip_mean",
