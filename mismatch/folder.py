@@ -13,21 +13,20 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from ..core.files import write_text
 from ..core.sweep import source_digest, sweep
-from ..plant.recording import read_table
+from ..plant.recording import PARQUET, SHEETS, read_table
 from ..plant.ship import Ship
 from .diagnosis import SHIP
 from .numbers.start import Start
 from .options import Options
 from .pipeline import begin, diagnose
-from .recordings.columns import DATE_TIME, load_map
+from .recordings.columns import load_map
+from .recordings.time_base import first_day
 from .report.files import PAGE, REPORT
 from .report.index import DiagnosisIndex, row_of
 
-ENDINGS = (".csv", ".parquet", ".pq")
+ENDINGS = (".csv", ".tsv", *PARQUET, *SHEETS)
 
 _DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
 
@@ -201,11 +200,12 @@ def _first_date(path: Path, options: Options) -> str | None:
     """Date of the first time stamp, where the recording has dates."""
     if options.columns is None:
         return None
-    sources = load_map(options.columns).columns.items()
-    stamps = next((name for name, source in sources if source.unit == DATE_TIME), None)
-    if stamps is None:
+    given = load_map(options.columns)
+    stamped = [(name, s.stamps) for name, s in given.columns.items() if s.stamps is not None]
+    if not stamped:
         return None
-    return str(pd.to_datetime(read_table(path)[stamps].iloc[0], utc=True).date())
+    (name, form), table = stamped[0], read_table(path, given.file.model_dump(exclude_none=True))
+    return first_day(table[name], form or None)
 
 
 def _date(path: Path, stamped: str | None) -> str:

@@ -15,6 +15,10 @@ from ..core.sizes import SizeError, check_size
 from .columns import BOUNDS, TIME
 from .table_files import LayoutError, read_sheet, read_text_table
 
+PARQUET = (".parquet", ".pq")
+SHEETS = (".xlsx", ".xls", ".xlsm", ".xlsb", ".ods")
+"""Endings of files that are no text."""
+
 
 class RecordingError(ValueError):
     """A recording that cannot be used; the message names file, column, row and what is wrong."""
@@ -56,8 +60,7 @@ def read_table(path: Path, layout: Mapping[str, object] = MappingProxyType({})) 
     Raises:
         RecordingError: the file cannot be read, or Parquet's reader (pyarrow) is not installed.
     """
-    parquet = path.suffix.lower() in (".parquet", ".pq")
-    sheet = path.suffix.lower() in (".xlsx", ".xls", ".xlsm", ".xlsb", ".ods")
+    parquet, sheet = path.suffix.lower() in PARQUET, path.suffix.lower() in SHEETS
     try:
         refuse_special(path)
         # numbers take about as much in memory as in a text; a table that is packed takes more

@@ -1,7 +1,7 @@
 """The example that comes with the package: a case of the proof as a ship's logger would have written it.
 
-The recording is sailed by the proof's own equations, none of which the tool shares, and thinned to two rows
-a second. ``python -m shaftline.proof.example`` writes it again, the same to the letter.
+The recording is sailed by the proof's own equations, none of which the tool shares, and thinned to two
+rows a second. ``python -m shaftline.proof.example`` writes it again, the same to the letter.
 """
 
 from __future__ import annotations
@@ -63,7 +63,10 @@ def logged(reality: Reality) -> str:
 def column_map() -> str:
     """The column map's file."""
     units = {"hh:mm:ss": "datetime", "%": "percent of range"}
-    lines = ["# how the logger's names and units are to be read; see docs/recordings.md", "[columns]"]
+    lines = [
+        "# how the logger's names and units are to be read; see docs/recordings.md",
+        "[columns]",
+    ]
     for name, (unit, _, column) in _NAMES.items():
         said = f', unit = "{units[unit]}"' if unit in units else ""
         what = f'{{ column = "{column}"{said} }}' if said else f'"{column}"'

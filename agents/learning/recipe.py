@@ -83,7 +83,9 @@ class Recipe(BaseModel):
                 try:
                     given = float(given.removeprefix("lin_"))
                 except ValueError:
-                    raise ValueError(f"{key} = {given!r}: must be a number, or lin_NUMBER") from None
+                    raise ValueError(
+                        f"{key} = {given!r}: must be a number, or lin_NUMBER"
+                    ) from None
             if isinstance(given, int | float) and not low < given <= high:
                 raise ValueError(f"{key} = {given:g}: must be above {low:g} and at most {high:g}")
         rollout = float(self.hyperparameters.get("n_steps", 1)) * self.n_envs

@@ -17,7 +17,7 @@ from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .loading import loaded
 from .noise import Noise, clipped, frozen
-from .slips import HELMS, demands
+from .slips import HELMS, demands, ranges_of
 
 TOO_SHORT = "too short"
 """How a sentence on length begins."""
@@ -27,6 +27,7 @@ _WRAPPED = 2.05 * math.pi  # rad; an angle that stays inside it and jumps has lo
 _TIME_CONSTANTS = 3.0
 _DULL_DEMAND = 0.05  # share of its range over which a demand must move
 _DULL_SIGNAL = 3.0  # multiple of its noise over which a measurement must move
+_SLACK, _ODD_SHARE = 0.005, 0.01  # of a pitch order beyond its limits; share of the rows
 _FOLLOWS = 0.5  # share of the other order's misfit below which a pitch leads, not lags
 
 
@@ -115,6 +116,14 @@ def at_rest(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> Iter
     at_stop = float((table[drive].abs() >= stop).mean())
     if at_stop > 0.0:
         yield f"{drive} is at its end stop in {at_stop:.1%} of the rows"
+    if "pitch_ratio_command" in table:
+        low, high = ranges_of(ship)["pitch_ratio_command"]
+        order = table["pitch_ratio_command"]
+        if (beyond := float((~order.between(low - _SLACK, high + _SLACK)).mean())) > _ODD_SHARE:
+            yield (
+                f"pitch_ratio_command lies outside the ship's {low:g} to {high:g} in {beyond:.0%} of "
+                "the rows, where the plant holds its limit: is it another unit?"
+            )
     for column in (c for c in noise if c not in demands(ship, table)):
         for end, share, row in clipped(table[column].to_numpy(), noise[column]):
             yield (

@@ -120,6 +120,7 @@ def load_recording(
     raw, mapped = read_mapped(path, ship, columns)
     layout = raw.attrs.get("layout")
     warnings = [f"read as a table with {words}"] if layout and (words := layout.words()) else []
+    warnings += raw.attrs.get("remarks", [])
     if not ship.turns:  # what it does not do itself its terms may hear
         told = {n: c for n, c in OF_A_TURN.items() if c in raw and n not in raw}
         raw = raw.assign(**{name: raw[column] for name, column in told.items()})
@@ -166,7 +167,7 @@ def read_mapped(
     raw = read_table(path, given.file.model_dump(exclude_none=True))
     units = {source.signal: source.unit_in_expressions for source in given.signals.values()}
     mapped = given.apply(path, raw, ranges_of(ship))
-    mapped.attrs = raw.attrs
+    mapped.attrs = raw.attrs | {"remarks": list(given.remarks(ranges_of(ship)))}
     return mapped, units
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ...plant.columns import BOUNDS, RUDDER, RUDDER_COMMAND, SHAFT_SPEED, YAW_RATE, drive_column
 from ...plant.ship import Ship
-from .columns import PERCENT_OF_RANGE, PITCHES
 from .loading import helm_column
+from .sources import PERCENT_OF_RANGE, PITCHES
 
 Array = NDArray[np.float64]
 

@@ -51,6 +51,18 @@ def seconds_of_stamps(values: pd.Series, form: str | None = None) -> pd.Series:
     return (stamps - stamps.iloc[0]).dt.total_seconds()
 
 
+def first_day(values: pd.Series, form: str | None = None) -> str | None:
+    """Day of the first stamp, year-month-day; None where stamps are times of day alone or unreadable."""
+    first = str(values.iloc[0])
+    if _CLOCK.fullmatch(first):
+        return None
+    try:
+        stamp = _moments(pd.Series([_COMMA_SECONDS.sub(r"\1.\2", first)]), form).iloc[0]
+        return str(stamp.date())
+    except ValueError:
+        return None
+
+
 def _counted_on(clock: NDArray[Any]) -> NDArray[np.float64]:
     """Seconds of hours, minutes and seconds, a day added at each fall by more than half a day."""
     seconds = np.array([[float(str(part).replace(",", ".")) if isinstance(part, str) else 0.0

@@ -42,6 +42,9 @@ def _texts(mark: Path) -> dict[str, str]:
         f"__import__('os').system('touch {mark}')\"\n",
         "unit.toml": '[columns]\ntime_s = {name = "t", unit = "m**9**9**9**9"}\n',
         "deep-map.toml": "x = " + "{a=" * 3000 + "1" + "}" * 3000,
+        "separator.toml": '[file]\nseparator = "abc"\n',
+        "row.toml": "[file]\nheader_row = 900\n",
+        "book.xlsx": "no book",
         "empty.csv": "",
         "one.csv": "time_s\n",
         "text.csv": "hello\nworld\n",
@@ -85,5 +88,11 @@ def hostile(tmp_path_factory: pytest.TempPathFactory, mark: Path) -> Path:
         file.open("about.npy", "w") as member,
     ):
         for _ in range(200):
+            member.write(bytes(1_000_000))
+    with (
+        zipfile.ZipFile(folder / "bomb.xlsx", "w", zipfile.ZIP_DEFLATED) as file,
+        file.open("xl/worksheets/sheet1.xml", "w", force_zip64=True) as member,
+    ):
+        for _ in range(600):
             member.write(bytes(1_000_000))
     return folder

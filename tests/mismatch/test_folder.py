@@ -162,7 +162,7 @@ def test_a_folder_needs_recordings_and_another_folder_for_results(
     with pytest.raises(ValueError, match="results need another folder"):
         diagnose_folder(str(runs), frigate, str(runs / ".." / "runs"))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ValueError, match=r"holds no recording \(\.csv, \.parquet, \.pq\)"):
+    with pytest.raises(ValueError, match=r"holds no recording \(\.csv, \.tsv, \.parquet"):
         diagnose_folder(tmp_path / "empty", frigate, tmp_path / "out")
     with pytest.raises(ValueError, match="unknown effect 'rust'"):
         run(runs, frigate, Options(exclude=("rust",)))

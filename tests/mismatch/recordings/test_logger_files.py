@@ -13,6 +13,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Recording, load_recording
+from shaftline.mismatch.recordings.slips import ranges_of
+from shaftline.mismatch.recordings.sources import Source
 from shaftline.plant import RecordingError, Ship
 
 from .conftest import Load
@@ -54,7 +56,7 @@ def logged(calm: pd.DataFrame, frigate: Ship) -> pd.DataFrame:
 def text(
     table: pd.DataFrame, separator: str, decimal: str, head: str = "", units: bool = False
 ) -> str:
-    body = table.to_csv(sep=separator, decimal=decimal, header=False, index=False)
+    body: str = table.to_csv(sep=separator, decimal=decimal, header=False, index=False)
     names = separator.join(table) + "\n"
     return head + names + (separator.join(UNITS) + "\n" if units else "") + body
 
@@ -118,9 +120,6 @@ def test_a_plain_file_is_read_without_a_word(load: Load, calm: pd.DataFrame) -> 
 
 
 def test_percent_of_range_reaches_both_limits(frigate: Ship) -> None:
-    from shaftline.mismatch.recordings.columns import Source
-    from shaftline.mismatch.recordings.slips import ranges_of
-
     source = Source(column="pitch_ratio_command", unit="percent of range")
     low, high = ranges_of(frigate)["pitch_ratio_command"]
     given = source.convert(pd.Series([-100.0, -50.0, 0.0, 50.0, 100.0]), ranges_of(frigate))

@@ -1,0 +1,62 @@
+"""``shaftline check``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from ..core.files import check_writable
+from ..display import figures
+from ..mismatch.recordings.survey import survey
+from ..plant import load_ship
+from .console import BelievedShip, ColumnMap, clear_errors, print_table, say
+
+REFUSED = 2
+"""Exit code where the recording cannot be used as it is."""
+
+
+def check(
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            help="Recording: text as a logger writes it, spreadsheet or Parquet.",
+            show_default=False,
+        ),
+    ],
+    ship: BelievedShip,
+    columns: ColumnMap = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="Picture of what was understood (.png).", show_default=False),
+    ] = None,
+) -> None:
+    """Say what of a recording is understood, what is missing, and what that costs.
+
+    Nothing is diagnosed: each column of the file with the canonical column that it is taken for, its
+    range, its noise and its missing values; how the file was read and what was mended; what was left
+    out; and for each measurement that is not there, what cannot be told without it. Where the recording
+    cannot be used, the reason is said, with the line of the column map that mends it if there is one, a
+    column map to begin with is guessed where none was given, and the exit code is 2.
+
+    Examples:
+        shaftline check voyage.csv --ship frigate
+
+        shaftline check log.xlsx --ship mine.toml --columns logger.toml --figure log.png
+    """
+    with clear_errors():
+        if figure is not None:
+            figures.check_picture(figure)
+            check_writable(figure)
+        vessel = load_ship(ship)
+        found = survey(recording, vessel, columns)
+        print_table(pd.DataFrame(found.table()), f"{recording} on {vessel.name}")
+        for sentence in found.sentences():
+            say(sentence)
+        if found.recording is None:
+            raise typer.Exit(REFUSED)
+        if figure is not None:
+            figures.save(figures.columns(found.recording.table, f"{recording.name}"), figure)
+            say(f"picture: {figure}")

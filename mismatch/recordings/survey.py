@@ -1,0 +1,197 @@
+"""What of a recording is understood, what is missing, and what that costs: before any diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...plant.columns import BOUNDS, COLUMNS, TIME, answered_columns, input_columns
+from ...plant.recording import RecordingError, read_table
+from ...plant.ship import Ship
+from .columns import load_map
+from .load import Recording, load_recording
+from .sources import Heard, Source
+
+COSTS = {
+    "shaft_torque_N_m": "a loss of the engine and one of the propeller look alike",
+    "ship_speed_m_s": "the hull does not show: neither fouling nor current",
+    "pitch_ratio": "a fault of the pitch actuator looks like one of the propeller",
+    "thrust_N": "the propeller's thrust is judged by torque and ship speed alone",
+    "motor_current_A": "a loss of the motor and one of its load look alike",
+    "sway_speed_m_s": "the side force is not judged",
+    "yaw_rate_rad_s": "the turning moment is judged by the heading alone, or not at all",
+}
+"""What cannot be told without a measured column."""
+
+
+_WORDS = {
+    "time_s": ("time", "date", "stamp", "clock"),
+    "fuel_rack_mm": ("fuel rack", "rack", "fuel index", "index"),
+    "motor_voltage_V": ("voltage",),
+    "pitch_ratio_command": ("pitch order", "pitch set", "pitch command", "pitch demand"),
+    "pitch_ratio": ("pitch", "p/d"),
+    "shaft_speed_rad_s": ("shaft speed", "rpm", "rev"),
+    "shaft_torque_N_m": ("torque",),
+    "thrust_N": ("thrust",),
+    "ship_speed_m_s": ("ship speed", "stw", "log", "speed through"),
+    "rudder_rad": ("rudder",),
+    "heading_rad": ("heading",),
+}  # fmt: skip
+"""What loggers call a column, the surest first; for a column map to begin with."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One column of a file.
+
+    Args:
+        name: in the file.
+        column: canonical column or signal that it is; empty where it is left out.
+        unit: of that.
+        low: least value there [unit]; NaN where none can be told.
+        high: greatest.
+        missing: how many values are missing.
+    """
+
+    name: str
+    column: str
+    unit: str
+    low: float
+    high: float
+    missing: int
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a recording's file holds.
+
+    Args:
+        path: of the file.
+        entries: its columns, in their order.
+        absent: measured columns that the ship could answer and the file does not have, and the cost.
+        recording: as it would be diagnosed; None where it is refused.
+        refused: why, a line each.
+        units: that the file states, by name.
+    """
+
+    path: Path
+    entries: tuple[Entry, ...]
+    absent: dict[str, str]
+    recording: Recording | None
+    refused: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def sentences(self) -> Iterator[str]:
+        """Everything besides the table of the columns."""
+        if (found := self.recording) is not None:
+            yield (
+                f"{len(found)} rows over {found.time_s[-1] - found.time_s[0]:.4g} s, one every "
+                f"{found.interval_s:.4g} s"
+            )
+            yield from (f"note: {said}" for said in found.warnings)
+            yield from (f"limit: {said}" for said in found.limits)
+        left = [entry.name for entry in self.entries if not entry.column]
+        if left:
+            yield f"left out, as neither canonical nor in the column map: {', '.join(left)}"
+        yield from (f"without {column}: {cost}" for column, cost in self.absent.items())
+        if self.recording is None:
+            yield from (f"refused: {line}" for line in self.refused.splitlines())
+            yield from self._map_to_begin_with()
+        else:
+            yield "usable: `shaftline diagnose` takes it as it is"
+
+    def _map_to_begin_with(self) -> Iterator[str]:
+        """Lines of a column map, by the names of what is left out."""
+        taken = {entry.column for entry in self.entries}
+        lines: list[str] = []
+        for column, words in _WORDS.items():
+            fits = (
+                e.name for w in words for e in self.entries if not e.column and w in e.name.lower()
+            )
+            name = next((n for n in fits if not any(f'"{n}"' in line for line in lines)), None)
+            if name is None or column in taken:
+                continue
+            unit = "datetime" if column == TIME else self.units.get(name, "?")
+            unit = "percent of range" if unit == "%" else unit
+            lines.append(f'"{name}" = {{ column = "{column}", unit = "{unit}" }}')
+        if lines:
+            yield "a column map might begin so (a guess from the names; --columns takes it):"
+            yield from ("[columns]", *lines)
+
+    def table(self) -> list[dict[str, Any]]:
+        """A row a column, for a printed table or JSON."""
+        return [
+            {
+                "in the file": entry.name,
+                "understood as": entry.column or "-",
+                "from": _short(entry.low),
+                "to": _short(entry.high),
+                "unit": entry.unit,
+                "noise": _short(self._noise(entry.column)),
+                "missing": entry.missing,
+            }
+            for entry in self.entries
+        ]
+
+    def _noise(self, column: str) -> float:
+        found = None if self.recording is None else self.recording.noise.get(column)
+        return float("nan") if found is None else found.white_rms
+
+
+def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> Survey:
+    """Look at a recording without diagnosing it.
+
+    Args:
+        path: as of :func:`.load_recording`.
+        ship: the nominal ship.
+        columns: column map, or none.
+
+    Raises:
+        RecordingError: the column map cannot be used, or the file cannot be read at all.
+    """
+    path = Path(path)
+    given = None if columns is None else load_map(columns)
+    raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
+    sources = {} if given is None else given.sources
+    recording, refused = None, ""
+    try:
+        recording = load_recording(path, ship, columns)
+    except RecordingError as error:
+        refused = str(error).replace(f"{path}: ", "")
+    entries = tuple(_entry(name, raw[name], sources.get(name), recording) for name in raw.columns)
+    have = {entry.column for entry in entries}
+    wanted = [c for c in answered_columns(ship) if c in COSTS and c not in have]
+    if not ship.moves:
+        wanted = [c for c in wanted if c != "ship_speed_m_s"]
+    if not ship.has_voltage:
+        wanted = [c for c in wanted if c != "motor_current_A"]
+    if not ship.has_variable_pitch:
+        wanted = [c for c in wanted if c != "pitch_ratio"]
+    absent = {c: COSTS[c] for c in wanted}
+    absent |= {c: "the ship cannot be driven" for c in input_columns(ship) if c not in have}
+    return Survey(path, entries, absent, recording, refused, raw.attrs.get("units", {}))
+
+
+def _entry(
+    name: str, values: pd.Series, source: Source | Heard | None, recording: Recording | None
+) -> Entry:
+    known = source.column if source is not None else name if name in COLUMNS else ""
+    if recording is not None:
+        column = known or (name if name in recording.signals else "")
+        column = column if column in recording else ""  # of what this ship does not have
+        numbers = recording[column] if column else np.array([])
+        unit = recording.signals.get(column) or BOUNDS.get(column, ("", "", ""))[2]
+    else:
+        column, unit = known, "as recorded"
+        numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
+    low, high = (numbers.min(), numbers.max()) if len(numbers) else (np.nan, np.nan)
+    return Entry(name, column, unit, float(low), float(high), int(values.isna().sum()))
+
+
+def _short(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"

@@ -1,0 +1,49 @@
+"""What `check` says of a recording before anything is diagnosed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from shaftline.mismatch.example import COLUMN_MAP, FOLDER, RECORDING
+from shaftline.mismatch.recordings.survey import survey
+from shaftline.plant import Ship, load_ship
+
+
+def test_a_good_recording_is_told_in_full(frigate: Ship) -> None:
+    found = survey(FOLDER / RECORDING, frigate, FOLDER / COLUMN_MAP)
+    assert found.recording is not None
+    by_column = {row["understood as"]: row for row in found.table()}
+    assert by_column["shaft_speed_rad_s"]["in the file"] == "Shaft speed"
+    assert float(by_column["shaft_speed_rad_s"]["to"]) == pytest.approx(79.35 * 0.10472, rel=1e-3)
+    assert float(by_column["pitch_ratio_command"]["to"]) == pytest.approx(0.793 * 1.4, rel=1e-3)
+    assert by_column["ship_speed_m_s"]["missing"] == 2
+    said = list(found.sentences())
+    assert said[0] == "1401 rows over 700 s, one every 0.5 s"
+    assert "separator semicolon, decimal comma, names in line 3, units in line 4" in said[1]
+    assert set(found.absent) == {"thrust_N"}
+
+
+def test_a_map_to_begin_with_is_right_on_the_example(frigate: Ship, tmp_path: Path) -> None:
+    found = survey(FOLDER / RECORDING, frigate)
+    assert found.recording is None
+    said = list(found.sentences())
+    assert any(s.startswith("refused: column 'time_s' is missing") for s in said)
+    (tmp_path / "map.toml").write_text("\n".join(said[said.index("[columns]") :]))
+    guessed = survey(FOLDER / RECORDING, frigate, tmp_path / "map.toml").recording
+    mapped = survey(FOLDER / RECORDING, frigate, FOLDER / COLUMN_MAP).recording
+    assert guessed is not None
+    assert mapped is not None
+    pd.testing.assert_frame_equal(guessed.table, mapped.table)
+
+
+def test_what_is_missing_is_named_with_its_cost(calm: pd.DataFrame, tmp_path: Path) -> None:
+    bare = calm.drop(columns=["shaft_torque_N_m", "ship_speed_m_s"]).assign(weather=1.0)
+    bare.to_csv(tmp_path / "r.csv", index=False)
+    said = list(survey(tmp_path / "r.csv", load_ship("frigate")).sentences())
+    assert "left out, as neither canonical nor in the column map: weather" in said
+    assert any(s.startswith("without shaft_torque_N_m: a loss of the engine and") for s in said)
+    assert any(s.startswith("without ship_speed_m_s: the hull does not show") for s in said)
+    assert said[-1].startswith("usable")
