@@ -136,8 +136,8 @@ def _rows() -> Iterator[tuple[str, str]]:
     yield "diagnose --example --out file", "is a file"
     for option in ("empty.csv", "bytes.csv", "zero.csv", "pipe.csv", "nowhere.csv", "span.csv",
                    "nan.csv", "ok.csv --columns unit.toml", "ok.csv --columns zero.toml", "text.csv",
-                   "twice.csv", "book.xlsx", "bomb.xlsx", "ok.csv --figure fig", "ok.csv --figure /dev/null",
-                   "ok.csv --columns separator.toml", "ok.csv --columns row.toml"):  # fmt: skip
+                   "twice.csv", "book.xlsx", "bomb.xlsx", "ok.csv --figure fig",
+                   "ok.csv --figure /dev/null", "ok.csv --columns separator.toml", "ok.csv --columns row.toml"):  # fmt: skip
         yield f"check {option} --ship frigate", ""
     for option in ("ok.csv --free nobody", "ok.csv --method magic", "empty.csv", "twice.csv",
                    "ok.csv --tolerance nan"):  # fmt: skip
