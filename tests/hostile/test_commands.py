@@ -134,10 +134,10 @@ def _rows() -> Iterator[tuple[str, str]]:
     yield "diagnose ok.csv --ship zero.toml --out di", "no ordinary file"
     yield "diagnose --example --ship frigate --out di", "brings its own"
     yield "diagnose --example --out file", "is a file"
-    for option in ("empty.csv", "bytes.csv", "zero.csv", "pipe.csv", "nowhere.csv", "span.csv",
-                   "nan.csv", "ok.csv --columns unit.toml", "ok.csv --columns zero.toml", "text.csv",
-                   "twice.csv", "book.xlsx", "bomb.xlsx", "ok.csv --figure fig",
-                   "ok.csv --figure /dev/null", "ok.csv --columns separator.toml", "ok.csv --columns row.toml"):  # fmt: skip
+    files = ("empty", "bytes", "zero", "pipe", "nowhere", "span", "nan", "text", "twice")
+    for option in (*(f"{name}.csv" for name in files), "book.xlsx", "bomb.xlsx", "ok.csv --figure fig",
+                   *(f"ok.csv --columns {name}.toml" for name in ("unit", "zero", "separator", "row")),
+                   "ok.csv --figure /dev/null"):  # fmt: skip
         yield f"check {option} --ship frigate", ""
     for option in ("ok.csv --free nobody", "ok.csv --method magic", "empty.csv", "twice.csv",
                    "ok.csv --tolerance nan"):  # fmt: skip
