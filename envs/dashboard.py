@@ -6,24 +6,29 @@ from collections import deque
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..plant.drives.diesel import torque_limit
 from .batch import Batch
 
-_SHOWN_S = 120.0
-_DARK, _RED, _GREY = "#1f2a44", "#d1495b", "#8d99ae"
+_SHOWN_S, _LEAST_S = 120.0, 30.0
+_DARK, _RED, _GREY, _PALE = "#1f2a44", "#d1495b", "#8d99ae", "#e7ebf2"
+_TORQUE, _ENVELOPE, _COURSE = "shaft torque [kN m]", "engine", "heading [deg]"
 _PANELS = (
-    ("ship speed and order [m/s]", (("speed_order", _GREY), ("measured_ship_speed", _DARK)), 1.0),
-    ("shaft speed [rad/s]", (("shaft_speed", _DARK),), 1.0),
-    ("shaft torque [kN m]", (("measured_shaft_torque", _DARK),), 1e-3),
-    ("pitch ratio [-]", (("measured_pitch_ratio", _DARK),), 1.0),
-    ("fuel rack [mm]", (("fuel_rack", _DARK),), 1.0),
-    ("v_a true, estimated [m/s]",
-     (("true_advance_velocity", _DARK), ("estimated_advance_velocity", _RED)), 1.0),
+    ("ship speed [m/s]", (("speed_order", "order", _RED), ("measured_ship_speed", "", _DARK)), 1.0),
+    (_ENVELOPE, (), 1.0),
+    (_TORQUE, (("measured_shaft_torque", "", _DARK),), 1e-3),
+    ("pitch ratio P/D [-]", (("measured_pitch_ratio", "", _DARK),), 1.0),
+    ("fuel rack [mm]", (("fuel_rack", "", _DARK),), 1.0),
+    ("advance velocity [m/s]",
+     (("true_advance_velocity", "true", _DARK), ("estimated_advance_velocity", "estimated", _RED)), 1.0),
 )  # fmt: skip
-"""Title, signals of the observation (or the true inflow) with their colours, and factor."""
+"""Title; signals of the observation (or the true inflow) with their names and colours; factor."""
+_STEERED = (_COURSE, (("heading_order", "order", _RED), ("heading", "", _DARK)), 180.0 / np.pi)
+"""In place of the fuel rack where the ship is steered."""
 
 
 class Dashboard:
@@ -38,10 +43,12 @@ class Dashboard:
         self.batch, self.which = batch, which
         rows = max(2, round(_SHOWN_S / batch.interval_s))
         self.rows: deque[dict[str, float]] = deque(maxlen=rows)
+        self.rewarded = 0.0
 
     def clear(self) -> None:
         """Forget the last episode."""
         self.rows.clear()
+        self.rewarded = 0.0
 
     def record(self) -> None:
         """Remember the present instant."""
@@ -50,20 +57,62 @@ class Dashboard:
         row = {name: float(seen[name]) for name in seen.dtype.names}
         row["time"] = float(self.batch.elapsed[self.which]) * self.batch.interval_s
         row["true_advance_velocity"] = float(arrays.truths[self.which]["advance_velocity"])
+        row["brake_torque"] = float(arrays.truths[self.which]["brake_torque"])
+        self.rewarded += float(self.batch.environments[self.which]["reward"])
         self.rows.append(row)
 
     def draw(self) -> NDArray[np.uint8]:
-        """RGB array of shape (480, 800, 3)."""
-        figure = Figure(figsize=(8.0, 4.8), dpi=100, layout="constrained")
+        """RGB array of shape (600, 960, 3)."""
+        figure = Figure(figsize=(9.6, 6.0), dpi=100, layout="constrained")
         canvas: Any = FigureCanvasAgg(figure)
-        axes = figure.subplots(2, 3)
-        time = [row["time"] for row in self.rows] or [0.0]
-        for axis, (title, lines, factor) in zip(axes.flat, _PANELS, strict=True):
-            for name, color in lines:
-                values = [factor * row[name] for row in self.rows] or [0.0]
-                axis.plot(time, values, color=color, linewidth=1)
-            axis.set_title(title, fontsize=8)
-            axis.tick_params(labelsize=7)
-            axis.set_xlim(time[-1] - _SHOWN_S, max(time[-1], 1.0))
+        panels = [_STEERED if self.batch.steered and "rack" in p[0] else p for p in _PANELS]
+        for axis, (title, lines, factor) in zip(figure.subplots(2, 3).flat, panels, strict=True):
+            axis.set_title(title, fontsize=9, loc="left", color=_DARK)
+            axis.tick_params(labelsize=8)
+            axis.spines[["top", "right"]].set_visible(False)
+            axis.grid(color=_PALE, linewidth=0.6)
+            if title == _ENVELOPE and self.batch.ship.has_diesel:
+                self._draw_envelope(axis)
+            elif title == _ENVELOPE:
+                axis.set_title("shaft speed [rad/s]", fontsize=9, loc="left", color=_DARK)
+                self._draw_lines(axis, (("shaft_speed", "", _DARK),), 1.0)
+            else:
+                self._draw_lines(axis, lines, factor)
+        now = self.rows[-1]["time"] if self.rows else 0.0
+        settings = self.batch.settings
+        task = settings.task if isinstance(settings.task, str) else "a task of one's own"
+        figure.suptitle(
+            f"{self.batch.ship.name} · {task} · {settings.observer} · {now:.0f} s · "
+            f"reward {self.rewarded:.1f}",
+            fontsize=10, x=0.01, ha="left", color=_DARK,
+        )  # fmt: skip
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+    def _draw_lines(self, axis: Axes, lines: Any, factor: float) -> None:
+        time = [row["time"] for row in self.rows] or [0.0]
+        for name, label, color in lines:
+            values = [factor * row[name] for row in self.rows] or [0.0]
+            axis.plot(time, values, color=color, linewidth=1.2, label=label or "measured")
+        axis.set_xlim(time[0], max(time[-1], time[0] + _LEAST_S))
+        axis.set_xlabel("time [s]", fontsize=8)
+        if len(lines) > 1:
+            axis.legend(fontsize=7, frameon=False, ncols=2, loc="upper left", handlelength=1.2)
+            axis.margins(y=0.2)
+
+    def _draw_envelope(self, axis: Axes) -> None:
+        """Brake torque over engine speed, the last of it in red, inside the engine's envelope."""
+        plant = self.batch.ship.record()
+        gear, rpm = float(plant["gear_ratio"]), 30.0 / np.pi
+        speeds = np.linspace(float(plant["engine_speed_min"]), float(plant["engine_speed_max"]), 40)
+        limit = [1e-3 * float(torque_limit(plant, float(speed))) for speed in speeds]
+        axis.fill_between(rpm * speeds, 0.0, limit, color=_PALE, linewidth=0)
+        axis.plot(rpm * speeds, limit, color=_GREY, linewidth=1.2, label="limit")
+        engine = np.array([gear * rpm * row["shaft_speed"] for row in self.rows])
+        torque = np.array([1e-3 * row["brake_torque"] for row in self.rows])
+        axis.plot(engine, torque, color=_DARK, linewidth=0.8, label="last two minutes")
+        axis.plot(engine[-1:], torque[-1:], "o", color=_RED, markersize=5, label="now")
+        axis.set_ylim(0.0, 1.15 * max(limit))
+        axis.set_title("engine torque [kN m]", fontsize=9, loc="left", color=_DARK)
+        axis.set_xlabel("engine speed [rpm]", fontsize=8)
+        axis.legend(fontsize=7, frameon=False, loc="upper left", handlelength=1.2)

@@ -28,7 +28,7 @@ from .panels import (
     svg,
     thinned,
 )
-from .wording import channel_name, scaled, superscript, with_unit
+from .wording import channel_name, number, scaled, superscript, with_unit
 
 RANKED = 12
 """Candidates that the ranking shows."""
@@ -136,7 +136,8 @@ def residuals(diagnosis: Outcome) -> list[str]:
             axes.fill_between(at, *band, color=QUIET, alpha=0.35, linewidth=0)
         else:
             prefix, in_unit = scaled(float(np.median(spread)), unit)
-            text = f"samples spread by ±{float(np.median(spread)) / prefix:.2g} {in_unit}".strip()
+            size_of = number(float(np.median(spread)) / prefix, 2)
+            text = f"samples spread by ±{size_of} {in_unit}".strip()
             axes.text(0.99, 0.96, text, transform=axes.transAxes, ha="right", va="top", fontsize=8)
         axes.axhline(0.0, color=MEASURED, linewidth=0.6)
         for values, style in means:

@@ -107,7 +107,7 @@ def test_every_one_of_them_is_drawn() -> None:
     for _ in range(3):
         env.step(np.array([[0.5, 0.9], [0.5, -0.9]]))
     first, second = env.render() or ()
-    assert first.shape == second.shape == (480, 800, 3)
+    assert first.shape == second.shape == (600, 960, 3)
     assert not np.array_equal(first, second)
     assert FrigateVectorEnv(2, **SHORT).render() is None
 

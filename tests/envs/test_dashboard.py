@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -34,27 +35,38 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 def test_lines_are_what_was_seen(figures: list[Figure]) -> None:
     env = FrigateEnv(render_mode="rgb_array", task="transit", episode_s=10.0)
     env.reset(seed=0)
-    rows, truth = [], []
+    rows, truth, engine, reward = [], [], [], 0.0
     for _ in range(5):
-        seen, *_, info = env.step(ACTION)
+        seen, rewarded, *_, info = env.step(ACTION)
         rows.append(seen)
         truth.append(info["advance_velocity"])
+        engine.append(info["brake_torque"])
+        reward += float(rewarded)
     frame = env.render()
-    assert frame.shape == (480, 800, 3)
+    assert frame.shape == (600, 960, 3)
     assert frame.dtype == np.uint8
     assert frame.std() > 10.0
     order, speed, torque, pitch, rack, log, estimate, _ = np.asarray(rows, np.float64).T
-    expected = [[order, log], [speed], [torque * 1e-3], [pitch], [rack], [truth, estimate]]
-    panels = figures[0].axes
-    assert [panel.get_title().split(" [")[0] for panel in panels] == [
-        "ship speed and order", "shaft speed", "shaft torque", "pitch ratio", "fuel rack",
-        "v_a true, estimated",
+    expected = [[order, log], [torque * 1e-3], [pitch], [rack], [truth, estimate]]
+    ship_speed, plane, *others = figures[0].axes
+    titles = [panel.get_title("left").split(" [")[0] for panel in figures[0].axes]
+    assert titles == [
+        "ship speed", "engine torque", "shaft torque", "pitch ratio P/D", "fuel rack",
+        "advance velocity",
     ]  # fmt: skip
-    for panel, lines in zip(panels, expected, strict=True):
+    for panel, lines in zip((ship_speed, *others), expected, strict=True):
         for line, values in zip(panel.lines, lines, strict=True):
             assert np.asarray(line.get_xdata()) == pytest.approx(0.5 * np.arange(1, 6))
             assert np.asarray(line.get_ydata()) == pytest.approx(np.asarray(values))
-        assert panel.get_xlim() == (2.5 - 120.0, 2.5)
+        assert panel.get_xlim() == (0.5, 30.5)
+    limit, trail, now = plane.lines
+    gear = env.batch.ship.transmission.gear_ratio
+    assert np.asarray(trail.get_xdata()) == pytest.approx(gear * speed * 30.0 / np.pi)
+    assert np.asarray(trail.get_ydata()) == pytest.approx(1e-3 * np.array(engine))
+    assert np.asarray(now.get_ydata()) == pytest.approx(1e-3 * np.array(engine[-1:]))
+    assert max(np.asarray(limit.get_ydata())) == pytest.approx(38.0, rel=0.01)
+    (title,) = (text.get_text() for text in figures[0].texts if "reward" in text.get_text())
+    assert title.endswith(f"transit · random-walk-kalman · 2 s · reward {reward:.1f}")
 
 
 def test_a_reset_begins_an_empty_picture(figures: list[Figure]) -> None:
@@ -63,8 +75,16 @@ def test_a_reset_begins_an_empty_picture(figures: list[Figure]) -> None:
     env.step(ACTION)
     env.reset(seed=0)
     env.render()
-    (line,) = figures[0].axes[1].lines
+    (line,) = figures[0].axes[2].lines
     assert np.asarray(line.get_ydata()).tolist() == [0.0]
+
+
+def test_a_steered_ship_shows_her_course(figures: list[Figure]) -> None:
+    env = gymnasium.make("shaftline/Steering-v0", render_mode="rgb_array", episode_s=10.0)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    env.render()
+    assert figures[0].axes[4].get_title("left") == "heading [deg]"
 
 
 @pytest.mark.parametrize(("interval", "kept"), [(0.5, 240), (100.0, 2)])

@@ -111,7 +111,7 @@ def test_a_picture_is_drawn_where_it_is_asked_for() -> None:
     empty = env.render()
     env.step(np.zeros(2))
     env.step(np.zeros(2))
-    assert env.render().shape == empty.shape == (480, 800, 3)
+    assert env.render().shape == empty.shape == (600, 960, 3)
     assert not np.array_equal(env.render(), empty)
     env.reset(seed=0)
     assert np.array_equal(env.render(), empty)
