@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
 
-.PHONY: run test test-slow coverage check mutants docs results clean
+.PHONY: run test test-slow coverage check mutants docs site results clean
 
 run: $(INSTALLED)
 	$(BIN)/shaftline tour --out out/tour
@@ -31,6 +31,11 @@ mutants: $(INSTALLED)
 
 docs: $(INSTALLED)
 	$(BIN)/shaftline list --markdown docs/reference.md
+
+# the site, its notebooks run: open out/site/index.html
+site: $(INSTALLED)
+	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	$(BIN)/python docs/build.py --out out/site
 
 # every number and figure in docs/results
 results: $(INSTALLED)

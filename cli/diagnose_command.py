@@ -11,7 +11,7 @@ from .. import mismatch
 from ..core.sweep import check_backend
 from ..mismatch import Options
 from ..mismatch.diagnosis import SHIP
-from ..mismatch.example import concealed, copied_to
+from ..mismatch.example import concealed, copy_example
 from ..mismatch.folder import recordings_in
 from ..mismatch.report.files import PAGE, REPORT
 from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE
@@ -185,7 +185,7 @@ def diagnose(
                 raise ValueError("--example brings its own recording, ship and column map")
             out = out or Path("out/example")
             check_folder(out)
-            recording, columns, file = copied_to(out)
+            recording, columns, file = copy_example(out)
             recordings, ship = [recording], str(file)
             say(f"recording: {recording}   column map: {columns}   ship: {file}")
         if not recordings or not ship or out is None:

@@ -2,6 +2,7 @@
 
 from .diagnosis import Diagnosis
 from .estimate import Estimate
+from .example import copy_example
 from .folder import diagnose_folder
 from .judge.findings import Finding
 from .judge.fit import fit_percent
@@ -10,6 +11,7 @@ from .numbers.pipeline import identify
 from .options import Options
 from .pipeline import diagnose
 from .recordings import Recording, fetch, load_recording
+from .recordings.survey import Survey, survey
 from .report.index import DiagnosisIndex
 from .search.catalogue import Effect, Parameter, catalogue
 
@@ -23,11 +25,14 @@ __all__ = [
     "Options",
     "Parameter",
     "Recording",
+    "Survey",
     "catalogue",
+    "copy_example",
     "diagnose",
     "diagnose_folder",
     "fetch",
     "fit_percent",
     "identify",
     "load_recording",
+    "survey",
 ]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..core.compiled import Record, compiled
 from ..core.sizes import check_size
 from .columns import (
+    COLUMNS,
     IN_A_TURN,
     MEASURED,
     ON_ANY_SHIP,
@@ -319,4 +320,6 @@ def simulate_recording(
     }
     if every_signal:
         columns |= {s.column: samples[s.name] for s in SIGNALS if s.column not in columns}
+        first = [c for c in COLUMNS if c in columns]
+        columns = {c: columns[c] for c in dict.fromkeys((*first, *columns))}
     return pd.DataFrame(columns)

@@ -15,7 +15,7 @@ CONCEALED = "concealed.json"
 """Size of each effect that the file's ship does not have; never read by the diagnosis."""
 
 
-def copied_to(folder: Path) -> tuple[Path, Path, Path]:
+def copy_example(folder: Path) -> tuple[Path, Path, Path]:
     """The example's files in a folder of the user's: recording, column map, ship.
 
     Args:

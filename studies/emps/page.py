@@ -26,8 +26,8 @@ shaftline identify estimation.csv --ship emps.toml --columns columns.toml --hold
     --out out/emps
 ```
 
-[The ship's file and the column map](../../studies/emps/) hold rough numbers on purpose; *far off*
-begins still farther away (mass 60, friction 300 and 30). Rows are dropped without a filter for 200
+[The ship's file and the column map](../../studies/emps/emps.toml) hold rough numbers on purpose; *far
+off* begins still farther away (mass 60, friction 300 and 30). Rows are dropped without a filter for 200
 and 50 Hz. Nobody gives the speed below which friction sticks, so three are tried. All errors are of
 the 1 kHz recordings simulated open loop from the force alone, without any feedback of the position."""
 
