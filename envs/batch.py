@@ -168,6 +168,13 @@ class Batch:
         for term, weight in self.task.weights.model_dump().items():
             self.common["weights"][term] = weight
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """As it was, in another process."""
+        self.__dict__.update(state)
+        # where an observer that is not ours stands elsewhere
+        observer = get_observer(self.settings.observer, self.settings.tuning)
+        self.environments["observer"]["address"] = observer.address
+
     @property
     def arrays(self) -> Arrays:
         """The batch by kind of record."""

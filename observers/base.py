@@ -24,6 +24,7 @@ from .torque_reading import believed
 OBSERVER = np.dtype(
     [
         ("kind", np.int64),  # whose update, see code_of
+        ("address", np.int64),  # of another's update in this process; 0 for ours
         ("reads_instruments", np.int64),
         ("dt", np.float64),
         # linear observers: x+ = transition x + now u(t+dt) + before u(t), u = (omega, M_m)
@@ -54,6 +55,11 @@ ESTIMATE = np.dtype(
         ("pitch_ratio", np.float64),
         ("advance_velocity", np.float64),
         ("valid", np.int64),
+        (
+            "answer",
+            np.float64,
+            (2,),
+        ),  # of an update that is not ours: velocity, whether it is valid
     ],
     align=True,
 )
@@ -127,6 +133,22 @@ class Observer(ABC):
         """Code of its update in an OBSERVER record."""
         return code_of(self.update)
 
+    @property
+    def address(self) -> int:
+        """Where its update stands in this process if it is not one of ours; else 0."""
+        if type(self).__module__.startswith(f"{__package__}."):
+            return 0
+        from numba.core.errors import NumbaError
+
+        from .of_others import address_of
+
+        try:
+            return address_of(type(self).update)
+        except NumbaError as error:
+            raise ObserverError(
+                f"observer {self.name!r}: its update cannot be compiled: {error}"
+            ) from None
+
     def discretise(self, ship: Ship, dt: float) -> Any:
         """OBSERVER record.
 
@@ -150,6 +172,7 @@ class Observer(ABC):
             )
         record = np.zeros(1, OBSERVER)[0]
         record["kind"] = self.kind
+        record["address"] = self.address
         record["reads_instruments"] = self.reads_instruments
         record["dt"] = dt
         record["ship"] = believed(ship)

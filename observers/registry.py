@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..core.compiled import Record, compiled, spelled_out
-from ..core.discovery import classes_in
+from ..core.discovery import classes_in, of_others, offered
 from .base import (
     Measurement,
     Observer,
@@ -15,10 +15,14 @@ from .base import (
     pitch_is_known,
     remember,
 )
+from .of_others import update_through_address
 from .torque_curve import told_by_torque
 
+OBSERVERS = "shaftline.observers"
+"""Group of entry points by which packages offer observers of their own."""
+
 _CLASSES = sorted(
-    classes_in(__package__, Observer, but=("registry", "following")),  # type: ignore[type-abstract]
+    classes_in(__package__, Observer, but=("registry", "following", "of_others")),  # type: ignore[type-abstract]
     key=lambda cls: (cls.source.casefold(), cls.name),
 )
 _NAMED = {cls.name: cls for cls in _CLASSES if "name" in vars(cls)}
@@ -26,29 +30,43 @@ _UPDATES = {code_of(cls.update): cls.update for cls in _CLASSES}
 
 
 def observer_names() -> list[str]:
-    """All observers and tunings: ``name`` for the default, ``name-tuning`` for the others."""
+    """All observers and tunings: ``name`` for the default, ``name-tuning`` for the others.
+
+    Those that installed packages offer stand last.
+    """
     names = []
     for name, cls in _NAMED.items():
         names.append(name)
         names.extend(f"{name}-{tuning}" for tuning in cls.tunings)
-    return names
+    return [*names, *offered(OBSERVERS)]
+
+
+def _made(name: str, cls: type[Observer]) -> Observer:
+    try:
+        return cls()
+    except TypeError as error:  # what its author left out
+        raise ObserverError(f"observer {name!r}: {error}") from None
 
 
 def get_observer(name: str, tuning: str | None = None) -> Observer:
     """An observer by name and tuning.
 
     Args:
-        name: one of :func:`observer_names`, or a bare name with ``tuning`` beside it.
+        name: one of :func:`observer_names`, or a bare name with ``tuning`` beside it; one's own as
+            ``module:Class``, a class that derives from :class:`.base.Observer` and is called without
+            arguments.
         tuning: ``low``, ``moderate``, ``high`` or ``printed`` where the observer has it; the
             observer's default otherwise.
 
     Raises:
         ObserverError: unknown name or tuning.
     """
-    if name in _NAMED:
-        cls = _NAMED[name]
+    cls = _NAMED[name] if name in _NAMED else of_others(name, OBSERVERS)
+    if cls is not None:
+        if not (isinstance(cls, type) and issubclass(cls, Observer)):
+            raise ObserverError(f"observer {name!r}: not a class that derives from Observer")
         if tuning is None:
-            return cls()
+            return _made(name, cls)
         if tuning not in cls.tunings:
             known = ", ".join(cls.tunings) or "none, it has nothing to tune"
             raise ObserverError(f"observer {name!r} has no tuning {tuning!r}; tunings: {known}")
@@ -63,10 +81,13 @@ _dispatch: Callable[[Record, Record, Measurement], tuple[float, bool]] = spelled
     """
 def _dispatch(observer, estimate, m):
     if observer.kind == {field}: return update_{field}(observer, estimate, m)
+    if observer.address != 0: return update_through_address(observer, estimate, m)
     return estimate.advance_velocity, False
 """,
     map(str, _UPDATES),
-    globals() | {f"update_{code}": update for code, update in _UPDATES.items()},
+    globals()
+    | {f"update_{code}": update for code, update in _UPDATES.items()}
+    | {"update_through_address": update_through_address},
 )
 """The update of whichever observer a record is of."""
 

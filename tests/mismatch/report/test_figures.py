@@ -108,7 +108,7 @@ def test_a_spread_that_would_hide_the_means_is_told_in_words(drawn: Drawn) -> No
     wide[1] = np.resize([9e5, -9e5], ROWS) + 100.0 * np.sin(TIME / 30.0)
     figures.residuals(diagnosis_of("nothing-missing", residual_before=wide))
     axes = drawn[1][0]
-    assert [text.get_text() for text in axes.texts] == ["samples spread by ±9e+02 kN m"]
+    assert [text.get_text() for text in axes.texts] == ["samples spread by ±900 kN m"]
     assert not axes.collections
     assert axes.get_ylim() == pytest.approx((-230.0, 230.0), abs=1.0)  # 100, and 0.65 of 200 about
 
