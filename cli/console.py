@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -71,6 +72,12 @@ def say(text: str) -> None:
     console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
+def _in_one_line(message: Warning | str, *_: Any, **__: Any) -> None:
+    """A warning without the place in the source that gave it."""
+    text = " ".join(str(message).split())
+    errors.print(f"[yellow]warning:[/] {escape(text)}", highlight=False, soft_wrap=True)
+
+
 @contextmanager
 def clear_errors() -> Iterator[None]:
     """Turn bad input and unwritable files into one message and exit code 2.
@@ -79,7 +86,9 @@ def clear_errors() -> Iterator[None]:
     whose message was written for the reader.
     """
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = _in_one_line
+            yield
     except (ValueError, OSError, MemoryError) as error:
         said = str(error) or "not enough memory"
         errors.print(f"[bold red]error:[/] {escape(said)}", highlight=False, soft_wrap=True)

@@ -117,7 +117,7 @@ def train(
         )  # fmt: skip
         folder = out or Path("out/train") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
-        _check_device(device)
+        check_device(device)
         before = _legs(folder)
         if before:
             say(f"{folder}: {before} legs are there already")
@@ -143,7 +143,12 @@ def _learning() -> tuple[Any, Any]:
     return read_recipe, training
 
 
-def _check_device(device: Device) -> None:
+def check_device(device: Device) -> None:
+    """Refuse a GPU where there is none.
+
+    Raises:
+        ValueError: torch sees none.
+    """
     import torch
 
     if device is Device.CUDA and not torch.cuda.is_available():

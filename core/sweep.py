@@ -99,16 +99,12 @@ def sweep(
 
 
 def _watched(home: int) -> None:
-    """In a worker: leave Ctrl-C to the process that began it, and go when that has gone.
+    """In a worker, from its birth: leave Ctrl-C to the process that began it, and go when that has gone.
 
     Args:
         home: number of that process.
     """
-    if os.getpid() == home or threading.current_thread() is not threading.main_thread():
-        return
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if any(thread.name == _WATCH for thread in threading.enumerate()):
-        return
 
     def watch() -> None:
         while os.getppid() == home:
@@ -118,10 +114,8 @@ def _watched(home: int) -> None:
     threading.Thread(target=watch, name=_WATCH, daemon=True).start()
 
 
-def _attempt(work: Callable[[Cell], Any], name: str, cell: Cell, home: int | None = None) -> Found:
+def _attempt(work: Callable[[Cell], Any], name: str, cell: Cell) -> Found:
     """One bad cell does not stop the rest."""
-    if home is not None:
-        _watched(home)
     try:
         return name, json.dumps(work(cell), allow_nan=False), None
     except Exception as error:
@@ -155,15 +149,21 @@ def check_backend(jobs: int | None, backend: str, scheduler: str | None) -> None
 def _machine(work: Callable[[Cell], Any], cells: Mapping[str, Cell], jobs: int) -> Iterator[Found]:
     """Findings of the processes of this machine, in the order in which they are finished."""
     # one cell at a time for each process: a batch would hold finished cells back
-    parallel = joblib.Parallel(jobs, return_as="generator_unordered", batch_size=1)
+    parallel = joblib.Parallel(
+        jobs,
+        return_as="generator_unordered",
+        batch_size=1,
+        initializer=_watched,
+        initargs=(os.getpid(),),
+    )
     try:
         with warnings.catch_warnings():
             # loky replaces a process whose memory has grown; no cell is lost by it
             warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
-            tasks = (joblib.delayed(_attempt)(work, *item, os.getpid()) for item in cells.items())
+            tasks = (joblib.delayed(_attempt)(work, *item) for item in cells.items())
             yield from parallel(tasks)
     except KeyboardInterrupt:
-        get_reusable_executor().shutdown(wait=False, kill_workers=True)
+        get_reusable_executor(kill_workers=True).shutdown(wait=False, kill_workers=True)
         raise
     except BrokenProcessPool as error:
         why = str(error).split(". ")[0].strip()

@@ -140,6 +140,23 @@ def _vector_rate(many: FrigateVectorEnv) -> float:
     return rate
 
 
+def _tensor_rates() -> list[tuple[str, float]]:
+    """Environments per second whose observations are handed to torch, of as many as are stepped."""
+    try:
+        import torch
+    except ModuleNotFoundError:
+        return []
+    many = FrigateVectorEnv(MANY)
+    seen, _ = many.reset(seed=0)
+    many.close()
+    return [
+        (f"observations of {MANY} as a torch tensor on their memory",
+         best_rate(lambda: torch.from_dlpack(seen), MANY, 2000)),
+        (f"observations of {MANY} as a torch tensor, copied",
+         best_rate(lambda: torch.tensor(seen), MANY, 2000)),
+    ]  # fmt: skip
+
+
 def _cart_pole_vector_rate() -> float:
     """Steps per second of Gymnasium's own vectorised CartPole-v1."""
     many = gymnasium.make_vec("CartPole-v1", MANY, vectorization_mode="vector_entry_point")
@@ -175,6 +192,7 @@ def measure() -> list[tuple[str, float]]:
         ("Steering-v0, course-keeping", SteeringVectorEnv(MANY, task="course-keeping")),
     ):
         rows.append((f"environment {name}, {MANY} on all cores", _vector_rate(many)))
+    rows += _tensor_rates()
     rows.append((f"Gymnasium CartPole-v1, {MANY} in its vector form", _cart_pole_vector_rate()))
     rows.append(("Gymnasium CartPole-v1, one environment", _cart_pole_rate()))
     return rows

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import itertools
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
@@ -28,6 +29,7 @@ from pydantic import (
 from ...core.files import FileError, read_text
 from ...core.sizes import check_size
 from ...envs import Task, Weights, get_task
+from ...observers import ObserverError, get_observer
 from ..policy.residual import Form
 
 ALGORITHMS = ("ppo", "sac")
@@ -150,7 +152,31 @@ def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: 
     if not isinstance(sections, dict) or not isinstance(sections.get(task), dict):
         known = ", ".join(map(str, sections)) if isinstance(sections, dict) else "none"
         raise RecipeError(f"{file}: no section {task!r}; it has {known}")
-    values = dict(sections[task])
+    return recipe_of(sections[task], algorithm, task, str(file), **changes)
+
+
+def section_of(recipe: Recipe) -> dict[str, Any]:
+    """A recipe as :func:`recipe_of` takes it."""
+    values = recipe.model_dump(exclude={"algorithm", "task", "hyperparameters"})
+    return values | recipe.hyperparameters
+
+
+def recipe_of(
+    section: Mapping[str, Any], algorithm: str, task: str, file: str, **changes: Any
+) -> Recipe:
+    """A recipe from its section.
+
+    Args:
+        section: keys and values.
+        algorithm: ``ppo`` or ``sac``.
+        task: the section's name.
+        file: where it stands, for the message.
+        changes: as of :func:`read_recipe`.
+
+    Raises:
+        RecipeError: an unknown key or a value out of range.
+    """
+    values = dict(section)
     own = {key: values.pop(key) for key in list(values) if key in Recipe.model_fields}
     for key in ("env_kwargs", "form"):
         if not isinstance(own.get(key) or {}, dict):
@@ -160,6 +186,11 @@ def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: 
     if taken := _TAKEN & set(env):
         raise RecipeError(f"{file}: [{task}] env_kwargs.{min(taken)}: cannot be set by a recipe")
     _check_keys(file, task, algorithm, values)
+    if "observer" in env:
+        try:
+            get_observer(str(env["observer"]))
+        except ObserverError as error:
+            raise RecipeError(f"{file}: [{task}] env_kwargs.observer: {error}") from None
     try:
         recipe = Recipe.model_validate(
             {"task": task, **own, "algorithm": algorithm, "hyperparameters": values, **changes,
@@ -177,7 +208,7 @@ def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: 
     return recipe
 
 
-def _check_keys(file: Path, task: str, algorithm: str, values: dict[str, Any]) -> None:
+def _check_keys(file: str, task: str, algorithm: str, values: dict[str, Any]) -> None:
     from stable_baselines3 import PPO, SAC  # torch takes seconds to import
 
     known = set(inspect.signature({"ppo": PPO, "sac": SAC}[algorithm]).parameters) - _SET_HERE

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import closing
 from copy import deepcopy
@@ -45,8 +46,10 @@ FIRST_JUDGED_SEED = 500_000
 
 _SHOWN = ("reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "failed")
 
-_SOURCES = ("agents/learning", "agents/policy")
-"""Besides the physics: what decides a training's result."""
+_SOURCES = (
+    "core", "plant", "observers", "baselines", "envs", "agents/learning", "agents/policy",
+)  # fmt: skip
+"""What decides a training's result."""
 
 Tick = Callable[[int, int, str], None]
 
@@ -94,20 +97,31 @@ def _built(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list
     try:
         own = deepcopy(recipe.hyperparameters)  # the algorithms write into what they are given
         chosen = {key: value(given) for key, given in own.items()}
-        if recipe.algorithm == "sac":
-            model = SAC(recipe.policy, venv, seed=seed, device=device, **chosen)
-            if not isinstance(model.actor.mu, torch.nn.Linear):
-                raise ValueError(
-                    "with use_sde it needs policy_kwargs: {clip_mean: 0.0}, for a policy file knows no "
-                    "clipped means"
-                )
-            return model, falling
-        policy = dict(chosen.pop("policy_kwargs", None) or {}) | {"seen": len(recipe.form.features)}
-        return PPO(
-            PrivilegedCriticPolicy, venv, seed=seed, device=device, policy_kwargs=policy, **chosen
-        ), falling
+        with warnings.catch_warnings(
+            record=True
+        ) as heard:  # of a recipe that is refused: the error alone
+            warnings.simplefilter("always")
+            model = _model(recipe, venv, {"seed": seed, "device": device} | chosen)
     except (AssertionError, AttributeError, RuntimeError, TypeError, ValueError) as error:
         raise RecipeError(f"{recipe.algorithm.upper()} refuses the recipe: {error}") from None
+    for warning in heard:
+        warnings.warn(warning.message, stacklevel=2)
+    return model, falling
+
+
+def _model(recipe: Recipe, venv: Any, chosen: dict[str, Any]) -> Any:
+    if recipe.algorithm == "sac":
+        model = SAC(recipe.policy, venv, **chosen)
+        if not isinstance(model.actor.mu, torch.nn.Linear):
+            raise ValueError(
+                "with use_sde it needs policy_kwargs: {clip_mean: 0.0}, for a policy file knows no "
+                "clipped means"
+            )
+        return model
+    rollout = recipe.n_envs * int(chosen.get("n_steps", 2048))
+    chosen["batch_size"] = min(int(chosen.get("batch_size", 64)), rollout)
+    policy = dict(chosen.pop("policy_kwargs", None) or {}) | {"seen": len(recipe.form.features)}
+    return PPO(PrivilegedCriticPolicy, venv, policy_kwargs=policy, **chosen)
 
 
 def built(
@@ -158,6 +172,11 @@ def network_of(model: Any, normaliser: VecNormalize, seen: int) -> Network:
     )  # fmt: skip
 
 
+def sources() -> str:
+    """Digest of all that decides a training's result."""
+    return source_digest(*_SOURCES)
+
+
 def commit() -> str | None:
     """Hash of the checkout that this is run from, if it is one."""
     here = Path(__file__).parent
@@ -179,6 +198,7 @@ def train(
     device: str = "auto",
     threads: int | None = None,
     tick: Tick = lambda done, total, said: None,
+    after_leg: Callable[[list[float]], None] | None = None,
 ) -> Path:
     """Train a policy, or go on where an earlier call stopped.
 
@@ -191,6 +211,8 @@ def train(
         threads: of torch and of the environments; the machine's by default. The environments' change no
             result.
         tick: told the steps done, all steps, and the last judgement in words.
+        after_leg: told the reward after each leg so far, once the last of them is kept; what it raises
+            ends the training there.
 
     Returns:
         The policy file.
@@ -198,17 +220,16 @@ def train(
     Raises:
         ValueError: the folder holds a training of another recipe or seed.
     """
-    source = source_digest("core", "plant", "observers", "baselines", "envs", *_SOURCES)
     ship = ship or recipe.rewarded().vessel
     content = digest_of(repr(load_ship(ship)))
     plan = {
         "recipe": recipe.model_dump(), "seed": seed, "ship": {"source": ship, "content": content},
-        "source": source,
+        "source": sources(),
     }  # fmt: skip
     note = folder / "training.json"
     refuse_another(folder, note, plan, "training")
     progress = Checkpoints(folder)
-    legs, leg_steps = _legs(recipe)
+    legs, leg_steps = legs_of(recipe)
     if len(progress.legs) >= legs:
         return progress.finish()
     if device == "auto":
@@ -247,22 +268,28 @@ def train(
                 network_of(model, venv, len(recipe.form.features)),
                 _about(recipe, seed, ship, piloted.venv),
             )
-            judged = _judged(policy, recipe, ship, threads)
+            found = judged(policy, recipe, ship, threads)
             spent = time.perf_counter() - begin
             progress.add(
-                {"steps": model.num_timesteps, **judged, "seconds": spent,
+                {"steps": model.num_timesteps, **found, "seconds": spent,
                  "environment_share": piloted.acting_s / spent}
             )  # fmt: skip
-            said[0] = f"reward {judged['reward']:.1f}"
+            said[0] = f"reward {found['reward']:.1f}"
             progress.keep(model, venv, policy)
-            for name, value in judged.items():
+            for name, value in found.items():
                 model.logger.record(f"judged/{name}", value)
+            if after_leg is not None:
+                after_leg([row["reward"] for row in progress.legs])
     tick(recipe.n_timesteps, recipe.n_timesteps, said[0])
     return progress.finish()
 
 
-def _legs(recipe: Recipe) -> tuple[int, int]:
-    """Legs and steps of each: whole rollouts, so that every leg ends where one does."""
+def legs_of(recipe: Recipe) -> tuple[int, int]:
+    """Legs and steps of each: whole rollouts, so that every leg ends where one does.
+
+    Args:
+        recipe: of the training.
+    """
     rollout = recipe.n_envs
     if recipe.algorithm == "ppo":
         rollout *= int(recipe.hyperparameters.get("n_steps", 2048))
@@ -283,14 +310,28 @@ def _about(recipe: Recipe, seed: int, ship: str, frigates: Sb3Frigates) -> dict[
     }
 
 
-def _judged(policy: Policy, recipe: Recipe, ship: str, threads: int | None) -> dict[str, float]:
-    """Interquartile means on seas of its own, by the task's own reward."""
+def judged(
+    policy: Policy,
+    recipe: Recipe,
+    ship: str,
+    threads: int | None,
+    first_sea: int = FIRST_JUDGED_SEED,
+) -> dict[str, float]:
+    """Interquartile means on seas of its own, by the reward that it was trained by.
+
+    Args:
+        policy: to be sailed.
+        recipe: that it was trained by.
+        ship: preset or path.
+        threads: of the environments.
+        first_sea: seed of the first of the seas.
+    """
     setting = Setting(
         "policy", recipe.task, "task", recipe.env_kwargs.get("observer", DEFAULTS.observer),
         JUDGED_SEEDS, ship, recipe.env_kwargs.get("episode_s", DEFAULTS.episode_s),
         recipe.env_kwargs.get("sensor_noise", DEFAULTS.sensor_noise), task_model=recipe.rewarded(),
     )  # fmt: skip
-    kpis, _ = run_episodes(setting, policy, first_seed=FIRST_JUDGED_SEED, threads=threads)
+    kpis, _ = run_episodes(setting, policy, first_seed=first_sea, threads=threads)
     return {name: float(interquartile_mean(kpis[name])) for name in _SHOWN if name != "failed"} | {
         "failed": float(kpis["failed"].mean())
     }

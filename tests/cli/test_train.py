@@ -24,6 +24,17 @@ transit:
   n_epochs: 1
   env_kwargs: {episode_s: 10.0}
 """
+SEARCHED = """
+transit:
+  n_envs: 4
+  n_timesteps: 64
+  n_steps: 16
+  batch_size: 32
+  n_epochs: 1
+  learning_rate: 1.0e-3
+  legs: 1
+  env_kwargs: {episode_s: 10.0}
+"""
 QUICK = ("--seeds", 2, "--episode-s", 10, "--jobs", 1)
 
 
@@ -191,3 +202,23 @@ def test_searches_that_cannot_be_made_are_refused(
     shaftline: Command, arguments: tuple[str, ...], words: str
 ) -> None:
     refused(shaftline("tune", "--rounds", 1, "--seeds", 1, "--episode-s", 5, *arguments), words)
+
+
+def test_a_recipe_is_searched_and_trained(shaftline: Command, tmp_path: Path) -> None:
+    given, out = tmp_path / "given.yml", tmp_path / "out"
+    given.write_text(SEARCHED)
+    arguments = (
+        "tune-recipe", "--task", "transit", "--recipe", given, "--trials", 3, "--fresh", 1, "--out", out,
+        "--vary", "learning_rate=1e-4:1e-1", "--vary", "env_kwargs.observer=luenberger,none",
+    )  # fmt: skip
+    found = shaftline(*arguments)
+    assert found.exit_code == 0, found.output
+    assert "3 trials (0 is the recipe as given)" in found.output
+    assert "on fresh seeds and fresh seas, which decided nothing" in found.output
+    assert (out / "search.png").stat().st_size > 10_000
+    kept = json.loads((out / "search.json").read_text())
+    assert len(kept["trials"]) == 3
+    assert shaftline(*arguments).output.count("reward") == found.output.count("reward")
+    told = found.output.split("shaftline train ")[-1].split()
+    trained = shaftline("train", *told, "--out", tmp_path / "trained")
+    assert trained.exit_code == 0, trained.output

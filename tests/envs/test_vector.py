@@ -105,6 +105,20 @@ def test_what_is_handed_out_is_not_changed_later() -> None:
         assert np.array_equal(reward, held[1])
 
 
+def test_torch_takes_observations_as_they_lie_and_gives_actions() -> None:
+    torch = pytest.importorskip("torch")
+    vector, other = (FrigateVectorEnv(2, **SHORT) for _ in range(2))
+    for one in (vector, other):
+        one.reset(seed=0)
+    moves = actions(1, 2)[0]
+    seen, *_ = vector.step(torch.from_numpy(moves))
+    tensor = torch.from_dlpack(seen)
+    assert tensor.data_ptr() == seen.ctypes.data  # no copy
+    assert np.array_equal(seen, other.step(moves)[0])
+    vector.step(moves)
+    assert np.array_equal(tensor.numpy(), seen)  # and nobody writes to it again
+
+
 def test_a_picture_is_drawn_where_it_is_asked_for() -> None:
     env = FrigateEnv(render_mode="rgb_array", **SHORT)
     env.reset(seed=0)

@@ -115,8 +115,9 @@ def test_kernels_find_a_private_place_where_the_usual_ones_cannot_be_written_to(
 
 
 WORK = """
-import sys, time
+import faulthandler, sys, time
 from pathlib import Path
+faulthandler.dump_traceback_later(25)  # where it hangs, if it does
 from shaftline.core.sweep import sweep
 def work(cell):
     import os, time
@@ -158,7 +159,11 @@ def test_no_worker_outlives_its_parent(tmp_path: Path, blow: signal.Signals) -> 
         os.killpg(parent.pid, signal.SIGINT)
     else:
         parent.kill()
-    _, said = parent.communicate(timeout=30)
+    try:
+        _, said = parent.communicate(timeout=30)
+    except subprocess.TimeoutExpired:
+        os.killpg(parent.pid, signal.SIGKILL)
+        raise AssertionError(f"it goes on: {parent.communicate()[1]}") from None
     assert _gone(workers)
     if blow is signal.SIGINT:
         assert said.count("Traceback") <= 1, said  # the parent's own

@@ -123,6 +123,15 @@ def _rows() -> Iterator[tuple[str, str]]:
                    "--vary response_s=nan:2", "--vary nope=1:2", "--episode-s inf", "--task nobody",
                    "--observer nobody", "--episode-s 1e12"):  # fmt: skip
         yield f"tune --controller combinator --rounds 1 --seeds 1 {option}", ""
+    for option in ("--vary gamma", "--vary gamma=", "--vary =1:2", "--vary gamma=0.9",
+                   "--vary gamma=nan:1", "--vary gamma=2:1", "--vary gamma=0.5:5.0",
+                   "--vary gama=0.5:0.9",
+                   "--vary n_timesteps=10:20", "--vary weights.fuel_kg_s=1:2", "--vary a.b.c=1:2",
+                   "--vary env_kwargs.sensor_noise=0:1.0", "--vary gamma=m**9**9,2",
+                   "--vary learning_rate=1e-9:1e9", "--vary n_steps=1:1000000000000", "--trials 0",
+                   "--seeds 0", "--fresh 0", "--task nobody", "--ship nobody", "--algorithm nobody",
+                   "--recipe deep.yml", "--recipe zero.toml", "--out file", "--envs 0"):  # fmt: skip
+        yield f"tune-recipe {option if '--out' in option else option + ' --out ts'}", ""
     yield "tune --controller nobody --rounds 1 --seeds 1", "nobody"
     for option in ("empty.csv", "bytes.csv", "zero.csv", "pipe.csv", "nowhere.csv", "span.csv",
                    "ok.csv --effects term.toml", "ok.csv --effects code.toml", "folder.toml",

@@ -18,7 +18,7 @@ from shaftline.agents.evaluation.statistics import interquartile_mean
 from shaftline.agents.learning import training
 from shaftline.agents.learning.policy_env import PolicyEnv
 from shaftline.agents.learning.privileged_critic import TOLD
-from shaftline.agents.learning.training import Falling, _built, _legs, _Watch, digest, network_of
+from shaftline.agents.learning.training import Falling, _built, _Watch, digest, legs_of, network_of
 from shaftline.agents.policy.residual import ANSWERS, Form
 from shaftline.core import sweep
 from shaftline.core.archives import read_archive, unpacked
@@ -155,7 +155,7 @@ def test_few_steps_are_few_legs(tmp_path: Path) -> None:
 def test_legs_are_whole_rollouts(
     algorithm: str, changes: dict[str, Any], expected: tuple[int, int]
 ) -> None:
-    assert _legs(recipe(algorithm, **changes)) == expected
+    assert legs_of(recipe(algorithm, **changes)) == expected
 
 
 def test_falling_values_follow_the_whole_training() -> None:

@@ -1,0 +1,150 @@
+"""``shaftline tune-recipe``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+import typer
+
+from ..display import figures
+from ..display.recipe_search import trials_figure
+from ..envs import get_task, tasks
+from .console import check_folder, clear_errors, needs_train, print_table, say, stages
+from .train_command import Device, check_device
+
+_SHOWN = 8  # best trials in the table
+
+
+def tune_recipe(
+    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "rough-sea",
+    algorithm: Annotated[str, typer.Option(help="`ppo` or `sac`.")] = "ppo",
+    recipe: Annotated[
+        Path | None,
+        typer.Option(
+            help="Recipe to start from, FILE.yml with a section a task.",
+            show_default="the package's own",
+        ),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(help="KEY=LOW:HIGH or KEY=A,B,C; repeatable.", show_default="see below"),
+    ] = None,
+    trials: Annotated[
+        int, typer.Option(min=1, help="Proposals, the recipe as it is counted.")
+    ] = 20,
+    seeds: Annotated[int, typer.Option(min=1, help="Trainings of each proposal.")] = 1,
+    fresh: Annotated[
+        int, typer.Option(min=1, help="Trainings of the given and of the found recipe in the end.")
+    ] = 2,
+    seed: Annotated[int, typer.Option(min=0, help="Equal seeds propose the same.")] = 0,
+    timesteps: Annotated[
+        int | None,
+        typer.Option(min=1, help="Control intervals of a training.", show_default="recipe's"),
+    ] = None,
+    envs: Annotated[
+        int | None,
+        typer.Option(min=1, max=4096, help="Environments at once.", show_default="recipe's"),
+    ] = None,
+    ship: Annotated[
+        str | None,
+        typer.Option(
+            help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
+        ),
+    ] = None,
+    device: Annotated[
+        Device, typer.Option(help="`auto` takes a GPU where there is one.")
+    ] = Device.AUTO,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the recipe, the trials and the picture.",
+            show_default="out/tune/TASK-ALGORITHM-SEED",
+        ),
+    ] = None,
+) -> None:
+    """Search a recipe's hyperparameters for a task.
+
+    Optuna's tree-structured Parzen estimator proposes; each proposal is trained on the same seeds, and
+    the task's reward after the last leg decides. What stands below the median of the others after a leg
+    is given up. The best of many trials is partly the luckiest, so in the end the given and the found
+    recipe are both trained on fresh seeds and judged on fresh seas: believe these numbers.
+
+    Searched by default: learning rate, gamma, lambda and so on, as `agents/learning/recipes/spaces.yml`
+    lists them. A key is any of the recipe's, dotted where it stands under another; a range whose ends
+    are ten times apart or more is searched evenly over the logarithm. What is the score, or would make
+    it easier, cannot be searched for.
+
+    Written: `recipe.yml`, for `shaftline train --recipe`; `search.json`, every trial; `search.png`.
+    Stop with Ctrl-C; the same command goes on, and more `--trials` go on from where fewer ended.
+
+    Examples:
+        shaftline tune-recipe --task rough-sea --timesteps 200000
+
+        shaftline tune-recipe --vary learning_rate=1e-4:1e-2 --vary form.history=4,8,16 --trials 12
+
+        shaftline tune-recipe --vary env_kwargs.observer=luenberger,random-walk-kalman --seeds 3
+    """
+    with clear_errors():
+        get_task(task).sailed(ship)
+        with needs_train("a search"):
+            from ..agents.learning.recipe import read_recipe
+            from ..agents.learning.recipe_search import search_recipe
+        sizes = {"n_timesteps": timesteps, "n_envs": envs}
+        given = {key: value for key, value in sizes.items() if value is not None}
+        plan = read_recipe(algorithm, task, recipe, **given)
+        folder = out or Path("out/tune") / f"{task}-{algorithm}-{seed}"
+        check_folder(folder)
+        check_device(device)
+        with stages("searching") as tick:
+            found = search_recipe(
+                plan, folder, vary=dict(map(_pair, vary)) if vary else None, trials=trials,
+                seeds=seeds, fresh=fresh, seed=seed, ship=ship, device=device.value,
+                tick=lambda done, total, said: tick(said, done, total),
+            )  # fmt: skip
+        _print(found, folder, task, algorithm)
+
+
+def _pair(text: str) -> tuple[str, str]:
+    key, equals, ends = text.partition("=")
+    if not (key and equals and ends):
+        raise ValueError(f"--vary {text!r}: must be KEY=LOW:HIGH or KEY=A,B,C")
+    return key, ends
+
+
+def _print(found: Any, folder: Path, task: str, algorithm: str) -> None:
+    """The best trials, what they are worth, and what to do next."""
+    values = pd.DataFrame([trial.values for trial in found.trials])
+    rewards = pd.DataFrame(
+        {
+            "reward": [np.nan if t.reward is None else t.reward for t in found.trials],
+            "last": [trial.legs[-1] for trial in found.trials],
+        }
+    )
+    table = pd.concat([rewards["reward"], values.map(_short)], axis=1).rename_axis("trial")
+    whole = table.dropna(subset="reward").sort_values("reward", ascending=False)
+    print_table(
+        whole.head(_SHOWN).reset_index(),
+        f"{len(table)} trials (0 is the recipe as given), {len(table) - len(whole)} given up; the best "
+        "of the others",
+    )
+    picture = folder / "search.png"
+    figures.save(trials_figure(rewards, values), picture)
+    as_given, as_found = (np.mean(found.fresh[name]) for name in ("given", "found"))
+    say("on fresh seeds and fresh seas, which decided nothing:")
+    for name in ("given", "found"):
+        each = ", ".join(f"{reward:.5g}" for reward in found.fresh[name])
+        say(f"  {name}: reward {np.mean(found.fresh[name]):.5g} (trainings: {each})")
+    spread = max(np.ptp(found.fresh[name]) for name in ("given", "found"))
+    if as_found <= as_given:
+        say("nothing was gained: keep the recipe that you have")
+    elif as_found - as_given < spread:
+        say("less was gained than trainings of one recipe differ by: take more --seeds and --fresh")
+    say(f"recipe: {found.recipe}   trials: {folder / 'search.json'}   picture: {picture}")
+    say(f"  shaftline train --task {task} --algorithm {algorithm} --recipe {found.recipe}")
+
+
+def _short(value: Any) -> Any:
+    return "–" if pd.isna(value) else f"{value:.3g}" if isinstance(value, float) else str(value)
