@@ -61,8 +61,12 @@ def loop(
         ),
     ] = "drive",
     reading: Annotated[
-        str, typer.Option(help="What a law of your own is to hold, such as shaft_speed.")
-    ] = "shaft_speed",
+        str | None,
+        typer.Option(
+            help="What a law of your own is to hold, such as ship_speed.",
+            show_default="shaft_speed",
+        ),
+    ] = None,
     pitch: Annotated[
         float | None,
         typer.Option(help="P/D at which a law of your own is looked at; the highest by default."),
@@ -114,11 +118,17 @@ def loop(
 
 
 def _loop(
-    text: str, ship: Ship, speed: float, interval: float, command: str, reading: str, pitch: float | None
+    text: str, ship: Ship, speed: float, interval: float, command: str, reading: str | None,
+    pitch: float | None,
 ) -> tuple[Loop, str]:  # fmt: skip
     """The loop, and what it is, in words."""
     name = text.partition(":")[0]
+    if "/" not in name and (reading is not None or pitch is not None):
+        raise ValueError(
+            f"--reading and --pitch are of a law of your own, such as 3,0.4/1,0; {name} has its own"
+        )
     if "/" in name:
+        reading = reading or "shaft_speed"
         law = _law(text)
         point = approach(ship, speed, pitch)
         plant = readable(ship, point)

@@ -173,9 +173,11 @@ def read_mapped(
 
 def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> None:
     yardstick = Yardstick(ship, table, interval)
+    pair = yardstick.swapped()
+    if pair is None and (said := yardstick.stranger()):
+        raise RecordingError(f"{path}: {said}")
     if dead := list(yardstick.dead()):
         raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in dead))
-    pair = yardstick.swapped()
     if pair is None and pitch_swapped(table, interval, ship):
         pair = ("pitch_ratio_command", "pitch_ratio")
     if pair is not None:
@@ -183,9 +185,9 @@ def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) 
         lag = set(pair) == {"pitch_ratio", "pitch_ratio_command"}
         why = "the order follows" if lag else "exchanged, they come far nearer to this ship"
         raise RecordingError(f"{path}: {a} and {b} look swapped: {why}")
-    said = list(impossible_demands(table, ship)) or list(yardstick.slips())
-    if said:
-        raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in said))
+    slips = list(impossible_demands(table, ship)) or list(yardstick.slips())
+    if slips:
+        raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in slips))
 
 
 def fetch(

@@ -37,6 +37,9 @@ _HONEST_PAIR = 0.1  # the same for swapped names, whose magnitudes may be alike
 _BELOW = 0.02  # difference below which nothing better is asked for
 _NAMED = 0.5  # difference above which a slip explains nothing
 _BETTER = 0.5  # a slip must reduce the difference to this share
+_APART = 3.0  # times, from which no level is this ship's
+_STRANGE = 2  # channels that far apart
+_LEVELS = (SHAFT_SPEED, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N")
 _RETOLD = 2.0  # |ln factor| from which no effect looks like a demand in another unit
 
 
@@ -135,6 +138,37 @@ class Yardstick:
         return [
             s for s in slips_of(self._drive, self.ship) if abs(math.log(abs(s.factor))) > _RETOLD
         ]
+
+    def stranger(self) -> str | None:
+        """A sentence where the recording is hardly of this ship: levels apart that no slip explains."""
+        apart = {}
+        for column in set(_LEVELS) & set(self.off):
+            assert self.sailed is not None
+            found, given = (
+                float(np.sqrt(np.mean(table[column] ** 2))) for table in (self.table, self.sailed)
+            )
+            dead = float(np.ptp(self.table[column])) == 0.0
+            if not dead and not given / _APART < found < given * _APART:
+                apart[column] = (found, given)
+        if len(apart) < _STRANGE or self._explaining(
+            self._drive, self._shaft, self._other_magnitudes()
+        ):
+            return None
+        apart = {
+            column: levels
+            for column, levels in apart.items()
+            if not self._explaining(column, column, slips_of(column, self.ship))
+        }
+        if len(apart) < _STRANGE:
+            return None
+        told = ", ".join(
+            f"{column} {found:.3g} where it has {given:.3g} {BOUNDS[column][2]}"
+            for column, (found, given) in sorted(apart.items())
+        )
+        return (
+            f"hardly a recording of {self.ship.name}: with these demands, rms, {told}; is it the right "
+            "ship, and are the numbers of its file in the units of their keys?"
+        )
 
     def slips(self) -> Iterator[str]:
         """Sentences on channels in another unit or with the other sign."""

@@ -110,6 +110,8 @@ def _rows() -> Iterator[tuple[str, str]]:
         yield f"loop speed-pilot --out lo {option}", ""
     yield "loop speed-pilot --out lo --command nobody", "unknown command"
     yield "loop nobody --out lo", "nobody"
+    yield "loop speed-pilot --reading nobody --out lo", "of a law of your own"
+    yield "loop 3,0.4/1,0 --reading nobody --out lo", "--reading nobody: known are"
     for option in ("nobody", "turning-circle --speed 1e9", "turning-circle --ship frigate",
                    "turning-circle --scale 0", "turning-circle --scale nan",
                    "turning-circle --speed nan"):  # fmt: skip

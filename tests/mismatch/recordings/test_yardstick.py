@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.plant import RecordingError, Ship, load_ship
+from shaftline.plant import RecordingError, Ship, approach, load_ship
 from shaftline.plant.replay import simulate_recording
 
 from .conftest import Load
@@ -111,3 +111,38 @@ def test_dead_channel_is_refused(load: Load, calm: pd.DataFrame, column: str) ->
         load(calm.assign(**{column: calm[column].mean()}))
     with pytest.raises(RecordingError, match=rf"{column} is constant at 0 "):
         load(calm.assign(**{column: 0.0}))
+
+
+def simulated(ship: Ship) -> pd.DataFrame:
+    """A ship that accelerates from a steady course."""
+    start = approach(ship, 4.0)
+    time = 0.1 * np.arange(1200)
+    orders = {"time_s": time, "fuel_rack_mm": 1.2 * start.inputs.drive,
+              "pitch_ratio_command": start.state.pitch_ratio}  # fmt: skip
+    first = {"pitch_ratio": start.state.pitch_ratio, "ship_speed_m_s": 4.0,
+             "shaft_speed_rad_s": start.state.shaft_speed}  # fmt: skip
+    table = simulate_recording(ship, pd.DataFrame(orders | first))
+    return table[["time_s", "fuel_rack_mm", "pitch_ratio_command", "pitch_ratio", "shaft_speed_rad_s",
+                  "shaft_torque_N_m", "ship_speed_m_s"]]  # fmt: skip
+
+
+def test_another_ships_recording_is_not_taken_for_slips(load: Load, frigate: Ship) -> None:
+    """A ferry turns three times as fast and takes a hundredth of the torque: no unit explains both."""
+    table = simulated(load_ship("ferry"))
+    with pytest.raises(RecordingError, match="hardly a recording of frigate") as refused:
+        load(table)
+    assert "shaft_torque_N_m" in str(refused.value)
+    assert "knot" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "pair", combinations(["shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"], 2)
+)
+def test_two_slips_at_once_are_two_slips(load: Load, frigate: Ship, pair: tuple[str, str]) -> None:
+    factors = {"shaft_speed_rad_s": RPM, "shaft_torque_N_m": 1e-3, "ship_speed_m_s": 3.6}
+    table = voyage(frigate, "state-5")
+    for column in pair:
+        table[column] *= factors[column]
+    with pytest.raises(RecordingError) as refused:
+        load(table)
+    assert str(refused.value).count("looks like") == 2
