@@ -24,6 +24,9 @@ MOST_ADVANCE_RATIOS, MOST_PITCH_RATIOS = 32, 6
 SURFACE_SHAPE = (4, MOST_PITCH_RATIOS, MOST_ADVANCE_RATIOS)
 """Value, slope over J, slope over P/D, and both, at each entry."""
 
+_JUDGED = 6  # entries from which one can be told from its neighbours
+_DAMAGED, _ALONE = 0.1, 10.0  # off its neighbours' line: share of the curve's span, times the usual
+
 _Ratio = Annotated[float, Field(ge=-2, le=3)]
 _Coefficient = Annotated[float, Field(ge=-3, le=3)]
 _Curves = tuple[tuple[_Coefficient, ...], ...]
@@ -72,6 +75,9 @@ class OpenWaterTable(Section):
                     f"advance_ratio, and a list of them for each of {curves} pitch_ratio; it has "
                     f"{', '.join(str(len(row)) for row in rows) or 'none'}"
                 )
+        for name in ("thrust_coefficient", "torque_coefficient"):
+            for row in getattr(self, name):
+                _refuse_damage(name, np.array(self.advance_ratio), np.array(row))
         return self
 
     def fill_table(self, record: Any) -> None:
@@ -98,6 +104,33 @@ RECORD_FIELDS = (
     ("table_kq", np.float64, SURFACE_SHAPE),
 )
 """What a ship's record holds of its table."""
+
+
+def _kinks(j: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far each inner entry lies off the line of its neighbours."""
+    share = (j[1:-1] - j[:-2]) / (j[2:] - j[:-2])
+    return np.asarray(np.abs(values[1:-1] - values[:-2] - share * (values[2:] - values[:-2])))
+
+
+def _refuse_damage(name: str, j: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """A digit or a sign lost in one entry: far off the line of its neighbours, where no other is.
+
+    Raises:
+        ValueError: names the entry and what its neighbours lead to.
+    """
+    if len(j) < _JUDGED:
+        return
+    rough = [_kinks(np.delete(j, i), np.delete(values, i)) for i in range(len(j))]
+    worst = int(np.argmin([kinks.max() for kinks in rough]))  # without it, the rest is smooth
+    first = min(max(worst - 1, 0), len(j) - 3)  # of its two neighbours among the rest
+    (j0, j1), (y0, y1) = (np.delete(line, worst)[first : first + 2] for line in (j, values))
+    led_to = y0 + (y1 - y0) * (j[worst] - j0) / (j1 - j0)
+    span = float(np.ptp(np.delete(values, worst)))
+    if abs(values[worst] - led_to) > max(_DAMAGED * span, _ALONE * float(np.median(rough[worst]))):
+        raise ValueError(
+            f"{name} at advance_ratio {j[worst]:g} is {values[worst]:g}, where its neighbours lead to "
+            f"{led_to:.3g}: a digit or a sign lost? Give entries closer by if it is so"
+        )
 
 
 def _over_pitch(p: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -216,3 +216,39 @@ def test_a_published_table_is_read(frigate: Ship) -> None:
         assert thrust_coefficient(plant, row.J, 0.721) == pytest.approx(row.Kt, abs=8e-4)
         kq = torque_coefficient(plant, row.J, 0.721)
         assert 10.0 * kq == pytest.approx(printed.loc[row.Index, "10Kq"], abs=8e-4)
+
+
+LINE = [0.1 * k for k in range(11)]
+
+
+@pytest.mark.parametrize("pitch", [0.4, 0.7, 1.0, 1.4])
+@pytest.mark.parametrize("step", [0.05, 0.1, 0.2])
+def test_curves_of_real_propellers_are_no_damage(frigate: Ship, pitch: float, step: float) -> None:
+    plant = frigate.record()
+    j = [step * k for k in range(-2, min(30, round(1.6 / step)))]
+    rng = np.random.default_rng(0)
+    table: dict[str, Any] = {"advance_ratio": j}
+    for name, curve in (("thrust", thrust_coefficient), ("torque", torque_coefficient)):
+        values = np.array([curve(plant, x, pitch).real for x in j])
+        scatter = 0.01 * np.abs(values).max() * rng.standard_normal(len(j))  # of a tank's readings
+        table[f"{name}_coefficient"] = (values + scatter).tolist()
+    with_table(frigate, table, pitch_ratio_min=1.0, pitch_ratio_max=1.0)
+
+
+@pytest.mark.parametrize("row", range(11))
+@pytest.mark.parametrize("damage", [0.1, -1.0, 3.5])
+def test_a_damaged_entry_is_named(frigate: Ship, row: int, damage: float) -> None:
+    plant = frigate.record()
+    kt = [thrust_coefficient(plant, x, 1.2).real for x in LINE]
+    kq = [torque_coefficient(plant, x, 1.2).real for x in LINE]
+    assert abs(kt[row]) > 0.1
+    kt[row] = round(kt[row] * damage, 4)
+    with pytest.raises(
+        ValueError,
+        match=rf"thrust_coefficient at advance_ratio {LINE[row]:g} is {kt[row]:g}, where",
+    ):
+        with_table(
+            frigate,
+            {"advance_ratio": LINE, "thrust_coefficient": kt, "torque_coefficient": kq},
+            pitch_ratio_min=1.0, pitch_ratio_max=1.0,
+        )  # fmt: skip
