@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled
-from .keys import INF, Section, effect, number, require
+from .keys import INF, Section, effect, measure, number, require
 from .surroundings import GRAVITY
 
 
@@ -46,13 +46,12 @@ class Hull(Section):
     wake_fraction: float = number(
         "w", record="wake_fraction", needs="has_propeller", ge=-0.2, lt=0.6, default=0.0
     )
-    beam_m: float = Field(
-        default=0.0, ge=0, le=100, description="on the water line [m]; 0: waves add no resistance"
+    beam_m: float = measure(
+        "on the water line; 0: waves add no resistance", "m", default=0.0, ge=0, le=100
     )
-    bow_length_m: float = Field(
-        default=0.0, ge=0, le=500,
-        description="of the water line from the bow to 95 % of the beam [m]",
-    )  # fmt: skip
+    bow_length_m: float = measure(
+        "of the water line from the bow to 95 % of the beam", "m", default=0.0, ge=0, le=500
+    )
     propellers: int = Field(default=1, ge=1, le=8, description="number of equal propellers k_p")
     fouling_fraction: float = effect(
         0.0, "added share of the resistance", record="hull_fouling", needs="moves", ge=-0.5, le=3

@@ -52,6 +52,17 @@ def number(
     return Field(description=description, json_schema_extra=extra, **limits)
 
 
+def measure(description: str, unit: str, **limits: Any) -> Any:
+    """A number with a unit that its section writes into the record itself.
+
+    Args:
+        description: what it is.
+        unit: as its key has it.
+        limits: as of a number.
+    """
+    return Field(description=description, json_schema_extra={"unit": unit}, **limits)
+
+
 def entry(
     description: str, *, record: str, place: tuple[int, ...], needs: str, **limits: Any
 ) -> Any:

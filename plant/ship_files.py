@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from importlib import resources
 from pathlib import Path
-from typing import get_args
+from typing import Annotated, get_args, get_origin
 
 import tomli_w
 from pydantic import BaseModel
@@ -97,6 +97,18 @@ def _sections(info: FieldInfo) -> list[type[BaseModel]]:
     return [k for k in members if isinstance(k, type) and issubclass(k, BaseModel)]
 
 
+def _of_kind(field: FieldInfo) -> str:
+    """What a key that is no number takes."""
+    if field.annotation is bool:
+        return "true, false"
+    origin = get_origin(field.annotation)
+    if origin is dict:
+        return "a table"
+    members = () if origin is tuple else kinds(field.annotation)
+    bare = {get_args(m)[0] if get_origin(m) is Annotated else m for m in members}
+    return "text" if str in bare else ""
+
+
 def _rows(path: str, kind: type[BaseModel], tag: str) -> list[tuple[str, str, str, str, str]]:
     """Rows of one section; a table within it has its keys in its place."""
     rows = []
@@ -106,12 +118,11 @@ def _rows(path: str, kind: type[BaseModel], tag: str) -> list[tuple[str, str, st
             continue
         label = f"{path}.{key}" + (tag if key != "type" else "")
         names = [str(a) for a in get_args(field.annotation) if isinstance(a, str)]
-        allowed = ", ".join(names) or ("true, false" if field.annotation is bool else "")
         rows.append(
             (
                 label,
                 unit_of(field),
-                allowed or allowed_range(field),
+                ", ".join(names) or _of_kind(field) or allowed_range(field),
                 default_of(field),
                 field.description or "",
             )

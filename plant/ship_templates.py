@@ -125,7 +125,8 @@ def _is_table(info: FieldInfo) -> bool:
 
 def _line(key: str, value: Any, info: FieldInfo) -> str:
     text = f"{key} = {_value(value)}"
-    said = [info.description or "", "" if unit_of(info) == "-" else f"[{unit_of(info)}]"]
+    measured = type(value) is float or unit_of(info) != "-"
+    said = [info.description or "", f"[{unit_of(info)}]" if measured else ""]
     if place_of(info) is not None or type(value) in (int, float):
         said.append(
             f"({allowed_range(info)}{'; absent at this value' if _absent(value, info) else ''})"

@@ -108,10 +108,10 @@ class TermParameter(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    value: float
-    unit: str = "-"
-    low: float = Field(NO_BOUND[0], ge=NO_BOUND[0])
-    high: float = Field(NO_BOUND[1], le=NO_BOUND[1])
+    value: float = Field(description="in the unit beside it")
+    unit: str = Field("-", description="of value, low and high")
+    low: float = Field(NO_BOUND[0], ge=NO_BOUND[0], description="lowest value")
+    high: float = Field(NO_BOUND[1], le=NO_BOUND[1], description="highest value")
 
     @model_validator(mode="before")
     @classmethod
@@ -136,7 +136,9 @@ Expression: TypeAlias = Annotated[str, Field(max_length=1000)]
 class Term(Section):
     """One term; see the module."""
 
-    id: Annotated[str, Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=60)]
+    id: Annotated[
+        str, Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=60, description="its name")
+    ]
     acts_on: Place = Field(description="what the expression adds to")
     expression: Expression = Field(description="in signals and parameters")
     also: dict[Place, Expression] = Field(

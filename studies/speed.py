@@ -151,7 +151,7 @@ def _tensor_rates() -> list[tuple[str, float]]:
     many.close()
     return [
         (f"observations of {MANY} as a torch tensor on their memory",
-         best_rate(lambda: torch.from_dlpack(seen), MANY, 2000)),
+         best_rate(lambda: torch.from_numpy(seen), MANY, 2000)),
         (f"observations of {MANY} as a torch tensor, copied",
          best_rate(lambda: torch.tensor(seen), MANY, 2000)),
     ]  # fmt: skip

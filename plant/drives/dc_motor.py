@@ -6,6 +6,7 @@ import math
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
@@ -17,7 +18,7 @@ from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
 class DcMotor(PrimeMover):
     """Direct-current motor driven by a voltage."""
 
-    type: Literal["dc-motor"]
+    type: Literal["dc-motor"] = Field(description="kind of drive")
 
     code: ClassVar[int] = 1
     balance: ClassVar[str] = "motor"

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
-from ..keys import INF, effect, number, require
+from ..keys import INF, effect, measure, number, require
 from ..signals import Signal
 from .prime_mover import PrimeMover
 
@@ -29,7 +29,7 @@ def _coefficient(term: str, neutral: float, *, record: str) -> Any:
 class Diesel(PrimeMover):
     """Diesel engine by its fuel rack map M_b = a omega_e + b X + c."""
 
-    type: Literal["diesel"]
+    type: Literal["diesel"] = Field(description="kind of drive")
 
     code: ClassVar[int] = 0
     balance: ClassVar[str] = "engine"
@@ -48,8 +48,8 @@ class Diesel(PrimeMover):
     torque_per_rack_N_m_mm: float = number("b", "N m/mm", record="torque_per_rack", gt=0, le=1e6)
     torque_offset_N_m: float = number("c", "N m", record="torque_offset", ge=-1e6, le=1e6)
     rack_max_mm: float = number("end stop of the rack", "mm", record="drive_max", gt=0, le=200)
-    speed_min_rpm: float = Field(ge=0, le=3000, description="lowest running speed")
-    speed_max_rpm: float = Field(gt=0, le=5000, description="highest running speed")
+    speed_min_rpm: float = measure("lowest running speed", "rpm", ge=0, le=3000)
+    speed_max_rpm: float = measure("highest running speed", "rpm", gt=0, le=5000)
     torque_limit_N_m: float = number(
         "highest brake torque", "N m", record="torque_limit", gt=0, default=INF
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ...core.compiled import Real, Record, compiled
 from ..keys import number
@@ -16,7 +17,7 @@ from .prime_mover import PrimeMover, fill_two_way
 class SpeedSource(PrimeMover):
     """Drive that holds the propeller shaft at the speed that it is told; its torque is not modelled."""
 
-    type: Literal["speed-command"]
+    type: Literal["speed-command"] = Field(description="kind of drive")
 
     code: ClassVar[int] = 3
     balance: ClassVar[str] = ""

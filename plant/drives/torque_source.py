@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Literal
 
+from pydantic import Field
+
 from ...core.compiled import Real, Record, compiled
 from ..keys import number
 from ..signals import Signal
@@ -13,7 +15,7 @@ from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
 class TorqueSource(PrimeMover):
     """Drive that delivers the torque that it is told."""
 
-    type: Literal["torque-command"]
+    type: Literal["torque-command"] = Field(description="kind of drive")
 
     code: ClassVar[int] = 2
     balance: ClassVar[str] = "motor"

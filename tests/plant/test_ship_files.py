@@ -146,3 +146,18 @@ def test_the_keys_of_each_prime_mover_are_told_apart() -> None:
     assert rows["propeller.diameter_m"][3] == "required with a propeller"
     assert rows["hull.fixed"][2:4] == ("true, false", "False")
     assert "diesel" in {row[2] for row in ship_keys() if row[0] == "prime_mover.type"}
+
+
+UNITS = {"m", "s", "kg", "rpm", "deg", "rad", "N", "V", "A", "mm", "m2", "ohm"}
+
+
+def test_the_unit_in_a_keys_name_is_the_keys_unit() -> None:
+    for label, unit, allowed, _, description in ship_keys():
+        last = label.split()[0].split(".")[-1].rpartition("_")[2]
+        if last in UNITS and not label.startswith("rudder.normal"):
+            assert last in unit.replace("/", " ").split(), label
+        assert description, label
+        assert (allowed == "text") == (
+            label
+            in {"term.id", "term.expression", "term.state", "term.rate", "term.parameters.unit"}
+        ), label

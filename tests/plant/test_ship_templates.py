@@ -104,3 +104,13 @@ def test_a_template_sails(name: str) -> None:
 def test_presets_are_not_written_down_twice() -> None:
     assert template("diesel-controllable-pitch") is load_ship("frigate")
     assert template("thruster-on-a-bench") is load_ship("rov-thruster")
+
+
+@pytest.mark.parametrize("name", template_names())
+def test_every_number_is_told_with_its_unit(name: str) -> None:
+    numbers = re.findall(
+        r"^(?:# )?(\w+) = (?:-?\d+\.\d+\S*|-?inf) +# (.*)$", template_text(name), re.M
+    )
+    assert len(numbers) > 15
+    for key, comment in numbers:
+        assert re.search(r"\[[^]]+\]", comment), f"{key}: {comment}"
