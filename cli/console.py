@@ -18,14 +18,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..core.files import check_writable
+from ..plant import Ship
 from .machine import told
 from .progress import errors
 from .progress import progress as progress
 from .progress import stages as stages
 
+_LONGEST = 1000  # half of an error's line
 _PIPE_WIDTH = 180  # columns where the output is no terminal, so that no table is folded
 
-console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
+console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH, emoji=False)
 
 
 class Backend(StrEnum):
@@ -65,6 +67,17 @@ def check_folder(out: Path) -> None:
     check_writable(out, folder=True)
 
 
+def check_pitch(ship: Ship, pitch: float | None) -> None:
+    """Refuse a P/D that the ship's blades do not reach.
+
+    Raises:
+        ValueError: names the ship's range.
+    """
+    low, high = ship.propeller.pitch_ratio_min, ship.propeller.pitch_ratio_max
+    if pitch is not None and not low <= pitch <= high:
+        raise ValueError(f"--pitch {pitch:g}: {ship.name} has P/D from {low:g} to {high:g}")
+
+
 def say(text: str) -> None:
     """Print a text as it is: no colours, no folding, brackets left alone."""
     if (heard := told()) is not None:
@@ -76,6 +89,13 @@ def _in_one_line(message: Warning | str, *_: Any, **__: Any) -> None:
     """A warning without the place in the source that gave it."""
     text = " ".join(str(message).split())
     errors.print(f"[yellow]warning:[/] {escape(text)}", highlight=False, soft_wrap=True)
+
+
+def _cut(line: str) -> str:
+    """A line without the middle of what somebody gave at great length."""
+    if len(line) <= 2 * _LONGEST:
+        return line
+    return f"{line[:_LONGEST]} ... {line[-_LONGEST:]}"
 
 
 @contextmanager
@@ -90,7 +110,7 @@ def clear_errors() -> Iterator[None]:
             warnings.showwarning = _in_one_line
             yield
     except (ValueError, OSError, MemoryError) as error:
-        said = str(error) or "not enough memory"
+        said = "\n".join(map(_cut, (str(error) or "not enough memory").splitlines()))
         errors.print(f"[bold red]error:[/] {escape(said)}", highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:

@@ -15,7 +15,7 @@ from ..core.lazy import control
 from ..display import figures
 from ..display.linear import channels, frequency_response, modes
 from ..plant import Equilibrium, Ship, approach, equilibrium, linearise, load_ship
-from .console import check_folder, clear_errors, print_table, say
+from .console import check_folder, check_pitch, clear_errors, print_table, say
 
 _USUAL = "pitch_ratio,shaft_speed,ship_speed,shaft_torque"
 
@@ -66,6 +66,7 @@ def linearise_ship(
     with clear_errors():
         check_folder(out)
         vessel = load_ship(ship)
+        check_pitch(vessel, pitch)
         point = _point(vessel, speed, drive, pitch)
         names = tuple(filter(None, (name.strip() for name in output.split(","))))
         if not names:

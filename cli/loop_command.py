@@ -19,7 +19,7 @@ from ..display import figures
 from ..display.loops import loop_figure
 from ..plant import Ship, approach, load_ship
 from ..plant.loops import Loop
-from .console import check_folder, clear_errors, print_table, say
+from .console import check_folder, check_pitch, clear_errors, print_table, say
 
 _UNITS = {
     "gain_margin_dB": ("gain margin", "dB"),
@@ -102,6 +102,7 @@ def loop(
         if not 0.0 < interval <= 60.0:
             raise ValueError(f"--interval {interval:g} s: must be above 0 and at most 60")
         vessel = load_ship(ship)
+        check_pitch(vessel, pitch)
         found, about = _loop(controller, vessel, speed, interval, command, reading, pitch)
         if not found.stable:
             raise ValueError(
@@ -163,6 +164,8 @@ def _law(text: str) -> control.TransferFunction:
         numerator, denominator = (
             [float(part) for part in side.split(",")] for side in text.split("/")
         )
+        if not np.isfinite([*numerator, *denominator]).all():
+            raise ValueError
         law = control.tf(numerator, denominator)
     except (ValueError, TypeError):
         raise ValueError(

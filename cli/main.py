@@ -7,6 +7,8 @@ slip or the shell's completion need none of them.
 from __future__ import annotations
 
 import ast
+import io
+import os
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -104,4 +106,12 @@ def _root(
 
 def main() -> None:
     """Entry point of the installed command."""
+    os.environ["MPLBACKEND"] = "agg"  # pictures are files, whatever the shell asks for
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 - it was closed
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(
+                errors="replace"
+            )  # where it knows ASCII only, a dash is a question mark
     app()

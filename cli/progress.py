@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-errors = Console(stderr=True)
+errors = Console(stderr=True, emoji=False)
 
 EVERY_S = 10.0
 """Between two lines of a log [s]."""

@@ -72,8 +72,10 @@ def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
         size = path.stat().st_size
         if size > largest:
             raise FileError(f"{path}: {size / 1e6:.0f} MB; at most {largest / 1e6:.0f} MB are read")
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise FileError(f"{path}: cannot be read: it is not UTF-8 text; save it as such") from None
+    except OSError as error:
         raise FileError(f"{path}: cannot be read: {error}") from None
 
 

@@ -9,6 +9,7 @@ aside.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -92,7 +93,7 @@ def diagnose(
 
 
 def _paths(sources: Sequence[Recorded]) -> list[Path]:
-    return [Path(source).resolve() for source in sources if isinstance(source, str | Path)]
+    return [Path(os.path.realpath(source)) for source in sources if isinstance(source, str | Path)]
 
 
 def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:

@@ -44,6 +44,8 @@ FUNCTIONS = {
 holds the outermost values outside them.
 """
 
+_LARGEST = 1e300  # of a literal
+
 _BINARY = {ast.Add: ADD, ast.Sub: SUBTRACT, ast.Mult: MULTIPLY, ast.Div: DIVIDE, ast.Pow: POWER}
 
 
@@ -100,6 +102,8 @@ def _walk(
     # a truth value is a whole number to Python, but nobody means one
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
         assert isinstance(node.value, int | float)  # for the type checker
+        if not -_LARGEST <= node.value <= _LARGEST:
+            raise TermError(f"{source!r}: a number in it is larger than {_LARGEST:g}")
         operations.append((CONSTANT, first + len(literals)))
         literals.append(float(node.value))
         return 1

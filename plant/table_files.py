@@ -107,7 +107,9 @@ def guessed(path: Path) -> Layout:
     encoding = _encoding(head)
     lines = head.decode(encoding, errors="ignore").splitlines()[: None if whole else -1]
     if not any(line.strip() for line in lines):
-        raise LayoutError("it is empty")
+        raise LayoutError(
+            "it is empty" if whole else f"its first line is longer than {_READ_BYTES / 1e6:g} MB"
+        )
     last = [line for line in lines[len(lines) // 2 :] if line.strip()]
     for separator in _SEPARATORS:
         widths = Counter(len(_cells(line, separator)) for line in last)

@@ -252,11 +252,10 @@ def _of_two(code: int, left: Real, right: Real) -> Real:
     if code == MAX:
         return left if left.real >= right.real else right
     # whole powers by multiplication, so that a negative base is no complex number
-    count = int(abs(right.real))
-    if right.real != math.floor(right.real) or count > 8:
+    if right.real != math.floor(right.real) or abs(right.real) > 8.0:
         return left**right
     product = left * 0.0 + 1.0
-    for _ in range(count):
+    for _ in range(int(abs(right.real))):
         product = product * left
     return product if right.real >= 0.0 else 1.0 / product
 

@@ -82,14 +82,23 @@ def load_jointly(
         tick("reading and checking", done, len(sources))
         loaded.append(_loaded(source, ship, columns, signals))
     tick("reading and checking", len(sources), len(sources))
-    rows = sum(len(recording) for recording in loaded[: len(fitted)])
-    if rows < LEAST_ROWS:
-        names = " and ".join(str(recording.source) for recording in loaded[: len(fitted)])
-        raise RecordingError(f"{names}: {rows} rows; at least {LEAST_ROWS} are needed")
+    refuse_few(loaded[: len(fitted)])
     limits, warnings = _said(loaded[: len(fitted)], loaded, ship)
     heard = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
     return JointRecordings(tables, len(held_out), limits, warnings, heard)
+
+
+def refuse_few(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings that have too few rows together.
+
+    Raises:
+        RecordingError: says how many are needed.
+    """
+    rows = sum(map(len, recordings))
+    if rows < LEAST_ROWS:
+        names = " and ".join(str(recording.source) for recording in recordings)
+        raise RecordingError(f"{names}: {rows} rows; at least {LEAST_ROWS} are needed")
 
 
 def _loaded(

@@ -14,6 +14,7 @@ from ...plant.columns import BOUNDS, COLUMNS, TIME, answered_columns, input_colu
 from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
 from .columns import load_map
+from .joint import refuse_few
 from .load import Recording, load_recording
 from .sources import Heard, Source
 
@@ -161,7 +162,9 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     recording, refused = None, ""
     try:
         recording = load_recording(path, ship, columns)
+        refuse_few([recording])
     except RecordingError as error:
+        recording = None
         refused = str(error).replace(f"{path}: ", "")
     entries = tuple(_entry(name, raw[name], sources.get(name), recording) for name in raw.columns)
     have = {entry.column for entry in entries}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -44,3 +45,25 @@ def test_a_slip_is_answered_with_the_right_name() -> None:
     result = CliRunner().invoke(main.app, ["diagnos"])
     assert result.exit_code == 2
     assert "diagnose" in result.output
+
+
+@pytest.mark.parametrize(
+    ("shell", "environment"),
+    [
+        ("{} list --effects", {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}),
+        ("{} list --effects", {"COLUMNS": "1"}),
+        ("{} list --effects", {"MPLBACKEND": "nonsense"}),
+        ("{} list --effects >&-", {}),
+        ("{} list --effects 2>&-", {}),
+        ("{} list --effects | head -1", {}),
+    ],
+    ids=["ascii", "narrow", "backend", "no-output", "no-errors", "cut-off"],
+)
+def test_it_runs_in_odd_shells(shell: str, environment: dict[str, str]) -> None:
+    command = f"{sys.executable} -c 'from shaftline.cli.main import main; main()'"
+    told = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {shell.format(command)}"],
+        capture_output=True, text=True, errors="replace", env=os.environ | environment, check=False,
+    )  # fmt: skip
+    assert "Traceback" not in told.stderr
+    assert told.returncode == 0, told.stderr

@@ -49,6 +49,8 @@ def _texts(mark: Path) -> dict[str, str]:
         "one.csv": "time_s\n",
         "text.csv": "hello\nworld\n",
         "ok.csv": HEAD + "".join(f"{0.1 * i:.1f},20,1.2\n" for i in range(50)),
+        "three.csv": "time_s,fuel_rack_mm,pitch_ratio_command,shaft_speed_rad_s\n"
+        + "".join(f"{0.1 * i:.1f},20,1.2,{9.8 + 0.01 * i}\n" for i in range(3)),
         "span.csv": HEAD + "0,20,1.2\n1e12,20,1.2\n2e12,20,1.2\n",
         "nan.csv": HEAD + "0,20,1.2\n1,nan,1.2\n2,20,1.2\n",
         "twice.csv": "time_s,fuel_rack_mm,fuel_rack_mm,pitch_ratio_command\n0,20,20,1.2\n1,20,20,1.2\n",
@@ -75,6 +77,9 @@ def hostile(tmp_path_factory: pytest.TempPathFactory, mark: Path) -> Path:
     folder = tmp_path_factory.mktemp("hostile")
     for name, text in _texts(mark).items():
         (folder / name).write_text(text, encoding="utf-8")
+    (folder / "loop.csv").symlink_to("loop.csv")
+    (folder / "wide.csv").write_text(",".join(f"c{k}" for k in range(50_000)))
+    (folder / "utf16.toml").write_bytes("name = 'caf\u00e9'".encode("utf-16"))
     (folder / "latin.toml").write_bytes(b"name = 'caf\xe9'")
     (folder / "bytes.csv").write_bytes(np.random.default_rng(0).bytes(5000))
     (folder / "folder.toml").mkdir()

@@ -115,9 +115,10 @@ def test_kernels_find_a_private_place_where_the_usual_ones_cannot_be_written_to(
 
 
 WORK = """
-import faulthandler, sys, time
+import faulthandler, signal, sys, time
 from pathlib import Path
 faulthandler.dump_traceback_later(25)  # where it hangs, if it does
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it
 from shaftline.core.sweep import sweep
 def work(cell):
     import os, time

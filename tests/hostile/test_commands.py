@@ -153,6 +153,16 @@ def _rows() -> Iterator[tuple[str, str]]:
     for option in ("ok.csv --free nobody", "ok.csv --method magic", "empty.csv", "twice.csv",
                    "ok.csv --tolerance nan"):  # fmt: skip
         yield f"identify {option} --ship frigate --out id", ""
+    yield "simulate --ship utf16.toml --case rack_step --out o.csv", "not UTF-8 text"
+    for option, words in (("loop.csv", "symbolic links"), ("wide.csv", "first line is longer"),
+                          ("three.csv", "at least 10 are needed")):  # fmt: skip
+        yield f"diagnose {option} --ship frigate --out di", words
+    yield "check three.csv --ship frigate", "at least 40 are needed"
+    yield "linearise --speed 8 --pitch 99 --out li", "P/D from 0.6 to 1.4"
+    for law in ("1e400/1", "1/0", ",/,", "nan/1"):
+        yield f"loop {law} --out lo", "must be numerator/denominator"
+    yield "loop 3,0.4/1,0 --pitch 0.1 --out lo", "P/D from 0.6 to 1.4"
+    yield "evaluate --controller nobody:x --task transit --seeds 1 --out ev", "nobody:x: cannot"
     yield "nobody", "No such command"
     yield "simulate --nobody", "No such option"
 
@@ -178,4 +188,4 @@ def test_is_refused(
 
 
 def test_none_of_them_is_left_out() -> None:
-    assert len(ROWS) >= 225
+    assert len(ROWS) >= 290

@@ -25,6 +25,7 @@ from .terms import HEARD, LOADED, value
         ("(-2) ** 3", -8.0),
         ("2 ** -2", 0.25),
         ("4 ** 0.5", 2.0),
+        ("1 / 9 ** 9 ** 9 ** 9", 0.0),  # of an infinite power
         ("shaft_speed * ship_speed", 88.0),
         ("pitch_ratio + 10 * pitch_command", 14.2),
         ("drive / advance_velocity", 22.0 / 6.5),

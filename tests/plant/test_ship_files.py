@@ -161,3 +161,9 @@ def test_the_unit_in_a_keys_name_is_the_keys_unit() -> None:
             label
             in {"term.id", "term.expression", "term.state", "term.rate", "term.parameters.unit"}
         ), label
+
+
+def test_a_file_from_another_editor_may_begin_with_a_mark(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "plant/ships/frigate.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8-sig")
+    assert load_ship(tmp_path / "mine.toml").hull == load_ship("frigate").hull
