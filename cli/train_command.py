@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,9 +10,20 @@ import pandas as pd
 import typer
 
 from ..agents import load_policy
-from ..envs import DEFAULTS, get_task, tasks
+from ..envs import DEFAULTS, get_task
 from ..observers import get_observer
 from .console import check_folder, clear_errors, needs_train, print_table, say, stages
+from .training_options import (
+    Algorithm,
+    Device,
+    Envs,
+    OnDevice,
+    TaskName,
+    TaskShip,
+    Timesteps,
+    check_device,
+    sizes,
+)  # fmt: skip
 
 _CURVE = {
     "steps": "steps", "reward": "reward", "fuel_kg_nmi": "fuel [kg/nmi]",
@@ -22,17 +32,9 @@ _CURVE = {
 }  # fmt: skip
 
 
-class Device(StrEnum):
-    """Where the network learns."""
-
-    AUTO = "auto"
-    CPU = "cpu"
-    CUDA = "cuda"
-
-
 def train(
-    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "rough-sea",
-    algorithm: Annotated[str, typer.Option(help="`ppo` or `sac`.")] = "ppo",
+    task: TaskName = "rough-sea",
+    algorithm: Algorithm = "ppo",
     recipe: Annotated[
         Path | None,
         typer.Option(
@@ -51,25 +53,10 @@ def train(
     observer: Annotated[
         str | None, typer.Option(help="Observer whose estimate it sees.", show_default="recipe's")
     ] = None,
-    timesteps: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Control intervals, all environments together.", show_default="recipe's"
-        ),
-    ] = None,
-    envs: Annotated[
-        int | None,
-        typer.Option(min=1, max=4096, help="Environments at once.", show_default="recipe's"),
-    ] = None,
-    ship: Annotated[
-        str | None,
-        typer.Option(
-            help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
-        ),
-    ] = None,
-    device: Annotated[
-        Device, typer.Option(help="`auto` takes a GPU where there is one.")
-    ] = Device.AUTO,
+    timesteps: Timesteps = None,
+    envs: Envs = None,
+    ship: TaskShip = None,
+    device: OnDevice = Device.AUTO,
     sensor_noise: Annotated[
         float | None,
         typer.Option(
@@ -109,11 +96,10 @@ def train(
             get_observer(observer)
         read_recipe, training = _learning()
         given = {"observer": observer, "sensor_noise": sensor_noise}
-        sizes = {"n_timesteps": timesteps, "n_envs": envs}
         plan = read_recipe(
             algorithm, task, recipe,
             env_kwargs={key: value for key, value in given.items() if value is not None},
-            **{key: value for key, value in sizes.items() if value is not None},
+            **sizes(timesteps, envs),
         )  # fmt: skip
         folder = out or Path("out/train") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
@@ -141,18 +127,6 @@ def _learning() -> tuple[Any, Any]:
         from ..agents.learning import training
         from ..agents.learning.recipe import read_recipe
     return read_recipe, training
-
-
-def check_device(device: Device) -> None:
-    """Refuse a GPU where there is none.
-
-    Raises:
-        ValueError: torch sees none.
-    """
-    import torch
-
-    if device is Device.CUDA and not torch.cuda.is_available():
-        raise ValueError("--device cuda: torch sees no GPU here; give cpu or auto")
 
 
 def _legs(folder: Path) -> int:

@@ -11,16 +11,26 @@ import typer
 
 from ..display import figures
 from ..display.recipe_search import trials_figure
-from ..envs import get_task, tasks
+from ..envs import get_task
 from .console import check_folder, clear_errors, needs_train, print_table, say, stages
-from .train_command import Device, check_device
+from .training_options import (
+    Algorithm,
+    Device,
+    Envs,
+    OnDevice,
+    TaskName,
+    TaskShip,
+    Timesteps,
+    check_device,
+    sizes,
+)  # fmt: skip
 
 _SHOWN = 8  # best trials in the table
 
 
 def tune_recipe(
-    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "rough-sea",
-    algorithm: Annotated[str, typer.Option(help="`ppo` or `sac`.")] = "ppo",
+    task: TaskName = "rough-sea",
+    algorithm: Algorithm = "ppo",
     recipe: Annotated[
         Path | None,
         typer.Option(
@@ -40,23 +50,10 @@ def tune_recipe(
         int, typer.Option(min=1, help="Trainings of the given and of the found recipe in the end.")
     ] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Equal seeds propose the same.")] = 0,
-    timesteps: Annotated[
-        int | None,
-        typer.Option(min=1, help="Control intervals of a training.", show_default="recipe's"),
-    ] = None,
-    envs: Annotated[
-        int | None,
-        typer.Option(min=1, max=4096, help="Environments at once.", show_default="recipe's"),
-    ] = None,
-    ship: Annotated[
-        str | None,
-        typer.Option(
-            help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
-        ),
-    ] = None,
-    device: Annotated[
-        Device, typer.Option(help="`auto` takes a GPU where there is one.")
-    ] = Device.AUTO,
+    timesteps: Timesteps = None,
+    envs: Envs = None,
+    ship: TaskShip = None,
+    device: OnDevice = Device.AUTO,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -92,9 +89,7 @@ def tune_recipe(
         with needs_train("a search"):
             from ..agents.learning.recipe import read_recipe
             from ..agents.learning.recipe_search import search_recipe
-        sizes = {"n_timesteps": timesteps, "n_envs": envs}
-        given = {key: value for key, value in sizes.items() if value is not None}
-        plan = read_recipe(algorithm, task, recipe, **given)
+        plan = read_recipe(algorithm, task, recipe, **sizes(timesteps, envs))
         folder = out or Path("out/tune") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
         check_device(device)
