@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -21,11 +22,13 @@ def main() -> int:
     made = out / version("shaftline")
     # kept between builds, so that a notebook is run again only where its text has changed
     kept = out / ".cache"
+    # notebooks call the commands of the Python that builds them
+    found = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     done = subprocess.run(
         [sys.executable, "-m", "sphinx", "-b", "html", "-E", "-q", "--fail-on-warning", "--keep-going",
          "-d", str(kept / "doctrees"), "-D", f"nb_execution_cache_path={(kept / 'notebooks').resolve()}",
          str(HERE), str(made)],
-        check=False,
+        check=False, env=os.environ | {"PATH": found},
     )  # fmt: skip
     if done.returncode:
         return done.returncode

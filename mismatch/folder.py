@@ -142,7 +142,7 @@ def _name(place: str, path: Path, start: Start, options: Options) -> str:
     digest = hashlib.sha256(path.read_bytes())
     said = [repr(start), repr(sorted(options.exclude)), repr(options.tolerance)]
     files = [*([options.columns] if options.columns else []), *options.effects]
-    said += [file.read_text(encoding="utf-8") for file in files]
+    said += [Path(file).read_text(encoding="utf-8") for file in files]
     for text in (*said, source_digest("core", "plant", "mismatch")):
         digest.update(text.encode() + b"\0")
     plain = "".join(c if c.isalnum() or c in "-._" else "-" for c in place)
@@ -152,8 +152,8 @@ def _name(place: str, path: Path, start: Start, options: Options) -> str:
 def _cell(path: Path, options: Options, travels: bool) -> _Cell:
     if not travels:
         return _Cell(path)
-    columns = options.columns.read_text(encoding="utf-8") if options.columns else None
-    effects = tuple(file.read_text(encoding="utf-8") for file in options.effects)
+    columns = Path(options.columns).read_text(encoding="utf-8") if options.columns else None
+    effects = tuple(Path(file).read_text(encoding="utf-8") for file in options.effects)
     return _Cell(path, path.read_bytes(), columns, effects)
 
 

@@ -31,12 +31,12 @@ class Options:
             move widely beside the effects; without any key, a healthy period tells what it can.
     """
 
-    columns: Path | None = None
+    columns: str | Path | None = None
     exclude: tuple[str, ...] = ()
     tolerance: float = 1.0
     calibrate: tuple[Recorded, ...] = ()
     free: tuple[str, ...] = ()
-    effects: tuple[Path, ...] = ()
+    effects: tuple[str | Path, ...] = ()
     most_effects: int | None = None
 
     @functools.cached_property
@@ -50,7 +50,7 @@ class Options:
         found: list[Effect] = []
         known = dict.fromkeys([effect.label for effect in catalogue()], "the catalogue")
         for path in self.effects:
-            for effect in read_entries(path):
+            for effect in read_entries(Path(path)):
                 if effect.label in known:
                     raise ValueError(
                         f"{path}: {effect.label} stands in {known[effect.label]} already; give yours "

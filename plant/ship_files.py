@@ -44,6 +44,7 @@ def load_ship(ship: str | Path | Ship) -> Ship:
     if isinstance(ship, str) and ship in ship_names():
         return _load_preset(ship)
     path = Path(ship)
+    path = Path(path)
     if path.suffix != ".toml":
         raise ShipError(
             f"unknown ship {str(ship)!r}; known ships: {', '.join(ship_names())}; "
@@ -59,7 +60,7 @@ def _parsed(text: str, source: str) -> Ship:
     return validated(Ship, toml_of(text, source), source)
 
 
-def write_ship(ship: Ship, path: Path) -> Path:
+def write_ship(ship: Ship, path: str | Path) -> Path:
     """Write a ship as a TOML file that :func:`load_ship` reads back to an equal ship.
 
     Keys that were left out stay out; the comments of a file that it came from are lost.
@@ -69,12 +70,13 @@ def write_ship(ship: Ship, path: Path) -> Path:
         path: ending in ``.toml``; its folder is made where needed.
 
     Returns:
-        The same path.
+        The path.
 
     Raises:
         ValueError: the path does not end in ``.toml``.
         OSError: the file cannot be written.
     """
+    path = Path(path)
     if path.suffix != ".toml":
         raise ValueError(f"{path}: a ship's file ends in .toml")
     write_text(path, tomli_w.dumps(ship.model_dump(exclude_unset=True, exclude_none=True)))

@@ -93,6 +93,12 @@ def test_says_what_it_is(thing: Any) -> None:
     assert thing.__doc__.strip()[0].isupper() or thing.__doc__.strip()[0] in "`0123456789"
 
 
+@pytest.mark.parametrize("thing", [one for one in callables() if inspect.isfunction(one.values[0])])
+def test_a_path_may_be_given_as_text(thing: Any) -> None:
+    kinds = {name: str(one.annotation) for name, one in parameters(thing).items()}
+    assert not [name for name, kind in kinds.items() if "Path" in kind and "str" not in kind]
+
+
 @pytest.mark.parametrize("thing", callables())
 def test_every_argument_is_documented(thing: Any) -> None:
     wanted = parameters(thing)

@@ -47,7 +47,10 @@ class Evaluation:
         return {"table": self.table.to_dict(orient="records"), "traces": traces}
 
     def save(
-        self, folder: Path, title: str = "Evaluation", columns: Sequence[str] = tuple(KPIS)
+        self,
+        folder: str | Path,
+        title: str = "Evaluation",
+        columns: Sequence[str] = tuple(KPIS),
     ) -> None:
         """Write ``table.csv``, ``table.json`` and the page ``table.md`` into a folder.
 
@@ -56,6 +59,7 @@ class Evaluation:
             title: of the page.
             columns: KPIs that the page shows.
         """
+        folder = Path(folder)
         write_atomically(folder / "table.csv", lambda file: self.table.to_csv(file, index=False))
         write_text(folder / "table.md", page(self.table, title, columns))
         write_json(folder / "table.json", self.table.to_dict(orient="records"))
@@ -73,7 +77,7 @@ class Episodes(NamedTuple):
 def evaluate(
     settings: Sequence[Setting],
     make: Callable[[Setting], Predictor],
-    folder: Path,
+    folder: str | Path,
     **spread: Any,
 ) -> Evaluation:
     """Sail every setting and sum it up.
@@ -84,7 +88,7 @@ def evaluate(
         folder: cells are kept in ``folder/cells``; those that stand there are not sailed again.
         spread: ``jobs``, ``backend``, ``scheduler`` and ``tick``, as of :func:`episodes`.
     """
-    found = episodes(settings, make, folder, **spread)
+    found = episodes(settings, make, Path(folder), **spread)
     rows = []
     for setting, kept in zip(settings, found, strict=True):
         row = setting.columns

@@ -125,7 +125,9 @@ def form_of(task: str) -> Form:
     return Form(**forms.get(task, {}))
 
 
-def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: Any) -> Recipe:
+def read_recipe(
+    algorithm: str, task: str, path: str | Path | None = None, **changes: Any
+) -> Recipe:
     """A task's section of a file of recipes.
 
     Args:
@@ -140,7 +142,7 @@ def read_recipe(algorithm: str, task: str, path: Path | None = None, **changes: 
     """
     if algorithm not in ALGORITHMS:
         raise RecipeError(f"unknown algorithm {algorithm!r}; known: {', '.join(ALGORITHMS)}")
-    file = recipe_path(algorithm) if path is None else path
+    file = recipe_path(algorithm) if path is None else Path(path)
     if path is None and not file.is_file():
         raise RecipeError(f"no recipes for {algorithm} come with the package; give a file of yours")
     try:

@@ -192,7 +192,7 @@ def commit() -> str | None:
 def train(
     recipe: Recipe,
     seed: int,
-    folder: Path,
+    folder: str | Path,
     *,
     ship: str | None = None,
     device: str = "auto",
@@ -220,6 +220,7 @@ def train(
     Raises:
         ValueError: the folder holds a training of another recipe or seed.
     """
+    folder = Path(folder)
     ship = ship or recipe.rewarded().vessel
     content = digest_of(repr(load_ship(ship)))
     plan = {

@@ -158,7 +158,7 @@ class Policy(Controller):
         """What it was made for and with, and its curve, as JSON allows; the weights stay in the file."""
         return self.about | {"curve": self.curve}
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write one self-contained file."""
         n = self.network
         layers: dict[str, Any] = {f"weight_{i}": w for i, w in enumerate(n.weights)}
@@ -168,7 +168,7 @@ class Policy(Controller):
         }  # fmt: skip
         text = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
         layers |= {"mean": n.mean, "deviation": n.deviation, "log_deviation": n.log_deviation}
-        write_archive(path, {"about": text, **layers})
+        write_archive(Path(path), {"about": text, **layers})
 
 
 def trained_on(about: Mapping[str, Any]) -> Ship:

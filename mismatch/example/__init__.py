@@ -15,12 +15,13 @@ CONCEALED = "concealed.json"
 """Size of each effect that the file's ship does not have; never read by the diagnosis."""
 
 
-def copy_example(folder: Path) -> tuple[Path, Path, Path]:
+def copy_example(folder: str | Path) -> tuple[Path, Path, Path]:
     """The example's files in a folder of the user's: recording, column map, ship.
 
     Args:
         folder: made where it is missing.
     """
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / name for name in (RECORDING, COLUMN_MAP, SHIP_FILE)]
     for path in paths:

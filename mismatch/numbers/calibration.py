@@ -18,7 +18,7 @@ def calibrated(
     ship: Ship,
     recordings: Sequence[Recorded],
     keys: Sequence[str] = (),
-    columns: Path | None = None,
+    columns: str | Path | None = None,
     tolerance: float = 1.0,
     tick: Tick = silent,
 ) -> Start:

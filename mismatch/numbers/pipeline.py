@@ -50,7 +50,7 @@ def identify(
     free: Sequence[str] | str = AUTO,
     method: str = DEFAULT,
     hold_out: Sequence[Recorded] = (),
-    columns: Path | None = None,
+    columns: str | Path | None = None,
     tolerance: float = 1.0,
     tick: Tick = silent,
 ) -> Identification:

@@ -15,7 +15,7 @@ from ..recordings.load import Recording, read_mapped
 
 
 def points_of(
-    ship: Ship, sources: Sequence[Recorded], columns: Path | None = None
+    ship: Ship, sources: Sequence[Recorded], columns: str | Path | None = None
 ) -> list[pd.DataFrame] | None:
     """Tables of points, where that is what was given.
 
@@ -43,7 +43,7 @@ def points_of(
     return tables
 
 
-def _table(ship: Ship, source: Recorded, columns: Path | None) -> pd.DataFrame:
+def _table(ship: Ship, source: Recorded, columns: str | Path | None) -> pd.DataFrame:
     if isinstance(source, Recording):
         return source.table
     if isinstance(source, pd.DataFrame):

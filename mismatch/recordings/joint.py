@@ -51,7 +51,7 @@ def load_jointly(
     ship: Ship,
     fitted: Sequence[Recorded],
     held_out: Sequence[Recorded] = (),
-    columns: Path | None = None,
+    columns: str | Path | None = None,
     tick: Tick = silent,
     signals: Mapping[str, str] = MappingProxyType({}),
 ) -> JointRecordings:
@@ -102,7 +102,7 @@ def refuse_few(recordings: Sequence[Recording]) -> None:
 
 
 def _loaded(
-    source: Recorded, ship: Ship, columns: Path | None, signals: Mapping[str, str]
+    source: Recorded, ship: Ship, columns: str | Path | None, signals: Mapping[str, str]
 ) -> Recording:
     if isinstance(source, Recording):
         recording = source
