@@ -24,7 +24,6 @@ nb_execution_timeout = 600
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True
-nb_output_stderr = "remove"  # progress
 
 autodoc_default_options = {"members": True, "imported-members": True}
 autodoc_member_order = "alphabetical"
