@@ -15,8 +15,8 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ..plant.ship import Ship
 from .controller import Controller, Readings
@@ -74,7 +74,7 @@ def full_pitch(ship: Ship, torque_share: float = TORQUE_MARGIN) -> float:
         return high
     if excess(low) > 0.0:
         raise ValueError(f"{ship.name}: even the lowest pitch overloads the engine at full speed")
-    return float(brentq(excess, low, high, xtol=1e-6))
+    return float(scipy.optimize.brentq(excess, low, high, xtol=1e-6))
 
 
 @functools.lru_cache(maxsize=64)

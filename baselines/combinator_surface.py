@@ -20,8 +20,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from ..plant.ship import Ship
 from .combinator import TORQUE_MARGIN, full_pitch
@@ -119,7 +119,7 @@ class _Optimum:
         def shortfall(x: Any) -> float:
             return float(self.at(x).thrust) / thrust - 1.0
 
-        solve: Any = minimize  # its stubs know no constraints that return a list
+        solve: Any = scipy.optimize.minimize  # its stubs know no constraints that return a list
         found = solve(
             cost,
             start,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from ..plant.cavitation import burrill_ratio
 from ..plant.drives.diesel import rack_of_torque, torque_limit
@@ -84,7 +84,7 @@ def steady_point(
         raise ValueError(
             f"{ship.name}: at pitch ratio {pitch_ratio:g} the propeller does not push the ship ahead"
         )
-    speed = float(brentq(surge, slowest, slowest + _FASTEST, xtol=1e-12))
+    speed = float(scipy.optimize.brentq(surge, slowest, slowest + _FASTEST, xtol=1e-12))
     acting = at(speed)
     # whatever else drives the shaft, the engine's torque brings what the load lacks
     driving = acting.load_torque - acting.drive_torque

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
-from scipy.linalg import expm
-from scipy.optimize import brentq
+import scipy
 
 from ..plant.propeller_curves import coefficients_along
 from ..plant.shaft import shaft_inertia
@@ -61,7 +60,11 @@ def _thrust_ends(ship: Ship) -> tuple[float, float]:
     plant, pitch = ship.record(), ship.propeller.pitch_ratio_max
 
     def end(direction: float) -> float:
-        return float(brentq(lambda j: coefficients_along(plant, j, pitch, direction)[0], 0.0, 3.0))
+        return float(
+            scipy.optimize.brentq(
+                lambda j: coefficients_along(plant, j, pitch, direction)[0], 0.0, 3.0
+            )
+        )
 
     return end(1.0) / pitch, end(-1.0) / pitch
 
@@ -131,7 +134,7 @@ class ThrustLaw:
         law["speed_min"], law["speed_max"] = speeds
         # eq. 20 for an input held over the step, exactly
         cutoff = self.cutoff_rad_s
-        law["filter"] = expm(
+        law["filter"] = scipy.linalg.expm(
             interval_s * np.array([[0.0, 1.0], [-(cutoff**2), -2.0 * cutoff * self.damping]])
         )
         return law

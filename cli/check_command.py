@@ -8,8 +8,8 @@ from typing import Annotated
 import pandas as pd
 import typer
 
+from .. import display
 from ..core.files import check_writable
-from ..display import figures
 from ..mismatch.recordings.survey import survey
 from ..plant import load_ship
 from .console import BelievedShip, ColumnMap, clear_errors, print_table, say
@@ -48,7 +48,7 @@ def check(
     """
     with clear_errors():
         if figure is not None:
-            figures.check_picture(figure)
+            display.figures.check_picture(figure)
             check_writable(figure)
         vessel = load_ship(ship)
         found = survey(recording, vessel, columns)
@@ -58,5 +58,7 @@ def check(
         if found.recording is None:
             raise typer.Exit(REFUSED)
         if figure is not None:
-            figures.save(figures.columns(found.recording.table, f"{recording.name}"), figure)
+            display.figures.save(
+                display.figures.columns(found.recording.table, f"{recording.name}"), figure
+            )
             say(f"picture: {figure}")

@@ -8,17 +8,15 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from matplotlib.image import imsave
 
+from .. import display
 from ..agents.evaluation.controllers import known, label, load_controller
 from ..agents.evaluation.episodes import Setting
 from ..agents.evaluation.kpis import KPIS
 from ..agents.evaluation.page import distinct
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
 from ..baselines import Controller
-from ..core.files import write_atomically
 from ..core.sweep import check_backend
-from ..display import figures
 from ..envs import DEFAULTS, FrigateEnv, get_task, tasks
 from ..envs.settings import LONGEST_S
 from ..observers import get_observer, observer_names
@@ -124,15 +122,12 @@ def evaluate(
         lasts = {cell.controller: i for i, cell in enumerate(cells)}
         drawn = {name: found.traces[lasts[name]] for name in made}
         picture = out / "comparison.png"
-        figures.save(figures.controllers(drawn, sailed), picture)
+        display.figures.save(display.figures.controllers(drawn, sailed), picture)
         if render:
             for cell in (cells[lasts[name]] for name in made):
                 name = "".join(c if c.isalnum() or c == "-" else "-" for c in cell.controller)
                 frame = _last_frame(cell, make(cell))
-                write_atomically(
-                    out / f"dashboard-{name}.png",
-                    lambda f, frame=frame: imsave(f, frame),  # type: ignore[misc]
-                )
+                display.figures.save_frame(frame, out / f"dashboard-{name}.png")
         say(f"table, cells and {picture.name}: {out}")
 
 

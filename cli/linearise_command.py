@@ -10,10 +10,9 @@ import pandas as pd
 import typer
 from numpy.typing import NDArray
 
+from .. import display
 from ..core.files import write_atomically, write_json
 from ..core.lazy import control
-from ..display import figures
-from ..display.linear import channels, frequency_response, modes
 from ..plant import Equilibrium, Ship, approach, equilibrium, linearise, load_ship
 from .console import check_folder, check_pitch, clear_errors, print_table, say
 
@@ -74,10 +73,12 @@ def linearise_ship(
         system = linearise(vessel, point, outputs=names)
         about = _about(vessel, point)
         say(about)
-        print_table(modes(system), "modes", 4)
-        told = channels(system, vessel)
+        print_table(display.linear.modes(system), "modes", 4)
+        told = display.linear.channels(system, vessel)
         print_table(told, "channels", 4)
-        figures.save(frequency_response(system, vessel, about), out / "bode.png")
+        display.figures.save(
+            display.linear.frequency_response(system, vessel, about), out / "bode.png"
+        )
         matrices = {name: np.asarray(getattr(system, name)) for name in "ABCD"}
         _write(out, about, system, matrices, told)
         say(f"\nModel: {out / 'linear.json'}, {out / 'linear.mat'}   picture: {out / 'bode.png'}")

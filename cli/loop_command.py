@@ -9,14 +9,13 @@ import numpy as np
 import pandas as pd
 import typer
 
+from .. import display
 from ..baselines import ControllerError, helmsman_names, make_controller, make_helmsman
 from ..baselines.controller import Controller
 from ..baselines.helmsman import ShapedHelmsman
 from ..baselines.loops import controller_loop, helmsman_loop, readable
 from ..core.files import check_writable, write_json
 from ..core.lazy import control
-from ..display import figures
-from ..display.loops import loop_figure
 from ..plant import Ship, approach, load_ship
 from ..plant.loops import Loop
 from .console import check_folder, check_pitch, clear_errors, print_table, say
@@ -111,7 +110,7 @@ def loop(
         numbers = found.margins()._asdict() | found.step_measures()._asdict()
         rows = [(*_UNITS[key], value) for key, value in numbers.items()]
         print_table(pd.DataFrame(rows, columns=["measure", "unit", "value"]), about, 4)
-        figures.save(loop_figure(found, about), out / "loop.png")
+        display.figures.save(display.loops.loop_figure(found, about), out / "loop.png")
         plain = {key: value if np.isfinite(value) else None for key, value in numbers.items()}
         target = json or out / "loop.json"
         write_json(target, {"loop": about} | plain)

@@ -18,7 +18,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from .machine import with_json
-from .progress import tell_compiling
+from .progress import loading, tell_compiling
 
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
@@ -60,13 +60,17 @@ class Later(TyperCommand):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
         """That of the command itself, which is thereby the one that runs."""
-        command = self.itself()
+        with loading():
+            command = self.itself()
         if "numba" in sys.modules:
             tell_compiling()
         return command.make_context(info_name, args, *rest, **extra)
 
     def itself(self) -> Any:
         """The command, imported."""
+        from ..core.lazy import when_used
+
+        when_used("pandas")  # a quarter of a second, and the first words need none of it
         assert self.name is not None
         module = import_module(f".{_stem(self.name)}_command", __package__)
         alone = typer.Typer(rich_markup_mode="markdown", pretty_exceptions_enable=False)

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from .. import display
 from ..core.files import check_writable, write_json
-from ..display import figures, manoeuvres
 from ..display.tables import write_csv
 from ..plant import approach, load_ship
 from ..plant.manoeuvring_standards import MANOEUVRES, Trials, criteria, trials
@@ -86,8 +86,8 @@ def manoeuvre(
         for name, track in sailed.tracks().items():
             write_csv(out, name, track)
         write_csv(out, "criteria", table)
-        for name, figure in manoeuvres.pictures(sailed).items():
-            figures.save(figure, out / f"{name}.png")
+        for name, figure in display.manoeuvres.pictures(sailed).items():
+            display.figures.save(figure, out / f"{name}.png")
         numbers = json or out / "manoeuvres.json"
         rows = table.astype(object).where(table.notna(), None).to_dict("records")
         write_json(numbers, sailed.numbers() | {"scale": scale, "criteria": rows})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -80,6 +81,26 @@ def tell_compiling(say: Callable[[str], None] | None = None, patience_s: float =
 
 def _line(text: str) -> None:
     errors.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def loading(patience_s: float = 0.4) -> Iterator[None]:
+    """Say that libraries are loaded, where that takes long: on a terminal until it is done.
+
+    Args:
+        patience_s: loading that is too short to speak of [s].
+    """
+    shown = errors.status("loading") if errors.is_terminal else None
+    late = threading.Timer(patience_s, shown.start if shown else lambda: _line("loading"))
+    late.daemon = True
+    late.start()
+    try:
+        yield
+    finally:
+        late.cancel()
+        late.join()  # a spinner that is about to begin would never end
+        if shown:
+            shown.stop()
 
 
 @contextmanager

@@ -8,8 +8,8 @@ from typing import Annotated
 import pandas as pd
 import typer
 
+from .. import display
 from ..core.files import check_writable, write_atomically
-from ..display import figures
 from ..observers import follow_table, get_observer
 from ..observers.metrics import with_noisy_readings
 from ..plant import get_sea, load_ship, realise
@@ -65,7 +65,7 @@ def simulate(
         for file in filter(None, (out, figure)):
             check_writable(file)
         if figure is not None:
-            figures.check_picture(figure)
+            display.figures.check_picture(figure)
         vessel = load_ship(ship)
         if tuning is not None and observer is None:
             raise ValueError("--tuning belongs to an --observer")
@@ -91,5 +91,5 @@ def simulate(
             write_atomically(out, lambda f: table.to_csv(f, index=False, float_format="%.10g"))
             say(f"{len(table)} rows written to {out}")
         if figure is not None:
-            figures.save(figures.columns(table, title), figure)
+            display.figures.save(display.figures.columns(table, title), figure)
             say(f"picture: {figure}")

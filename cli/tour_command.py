@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from .. import display
 from ..core.files import write_atomically
-from ..display import figures
 from ..studies import tour as study
 from ..studies.thesis.vaf import ROWS
 from .console import check_folder, clear_errors, print_table, progress, say
@@ -39,7 +39,7 @@ def tour(
             "is perfect. The noisy readings are those of good shipboard instruments."
         )
         say(f"{sea.sentence}\n")
-        figures.save(sea.figure, out / "seaway.png")
+        display.figures.save(sea.figure, out / "seaway.png")
         write_atomically(out / "seaway.csv", lambda f: sea.table.to_csv(f, index=False))
 
         train = study.meet_the_drive_train()
@@ -59,7 +59,7 @@ def tour(
         )
         for sentence in train.sentences:
             say(f"- {sentence}")
-        figures.save(train.figure, out / "tito-neri.png")
+        display.figures.save(train.figure, out / "tito-neri.png")
         for name, frame in (("points", train.points), ("response", train.response)):
             write_atomically(
                 out / f"tito-neri-{name}.csv",

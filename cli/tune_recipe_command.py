@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 import typer
 
-from ..display import figures
-from ..display.recipe_search import trials_figure
+from .. import display
 from ..envs import get_task
 from .console import check_folder, clear_errors, needs_train, print_table, say, stages
 from .training_options import (
@@ -126,7 +125,7 @@ def _print(found: Any, folder: Path, task: str, algorithm: str) -> None:
         "of the others",
     )
     picture = folder / "search.png"
-    figures.save(trials_figure(rewards, values), picture)
+    display.figures.save(display.recipe_search.trials_figure(rewards, values), picture)
     as_given, as_found = (np.mean(found.fresh[name]) for name in ("given", "found"))
     say("on fresh seeds and fresh seas, which decided nothing:")
     for name in ("given", "found"):

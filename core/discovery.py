@@ -37,7 +37,7 @@ def classes_in(package: str, base: type[Base], but: Collection[str] = ()) -> lis
         found += [
             thing
             for thing in vars(module).values()
-            if isinstance(thing, type)
+            if issubclass(type(thing), type)  # isinstance would load what waits to be used
             and issubclass(thing, base)
             and thing.__module__ == module.__name__
             and not inspect.isabstract(thing)

@@ -14,11 +14,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import control
 
-__all__ = ["control"]
+__all__ = ["control", "when_used"]
 
 
-def _when_used(name: str) -> ModuleType:
+def when_used(name: str) -> ModuleType:
     """A module whose code runs at the first access to one of its attributes.
+
+    Whoever imports it later gets this one.
+
+    Args:
+        name: of a module at the top level.
 
     Raises:
         ModuleNotFoundError: it is not installed, which is known at once.
@@ -36,4 +41,4 @@ def _when_used(name: str) -> ModuleType:
 
 
 if not TYPE_CHECKING:
-    control = _when_used("control")
+    control = when_used("control")

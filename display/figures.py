@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
 from numpy.typing import NDArray
 
 from ..core.files import FileError, write_atomically
@@ -52,6 +53,16 @@ def save(figure: Figure, path: Path, dpi: int = 110) -> None:
     """
     check_picture(path)
     write_atomically(path, lambda file: figure.savefig(file, dpi=dpi))
+
+
+def save_frame(frame: NDArray[np.uint8], path: Path) -> None:
+    """Write what an environment rendered.
+
+    Args:
+        frame: height, width, three colours.
+        path: ending in ``.png``.
+    """
+    write_atomically(path, lambda file: imsave(file, frame))
 
 
 def observer_traces(

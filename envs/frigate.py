@@ -6,7 +6,7 @@ import copy
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from ..baselines.controller import OBSERVED
 from ..plant.signals import get_signal
 from .batch import Batch
-from .dashboard import Dashboard
 from .kernel import ENDINGS, RUNNING
 from .records import TRUTHS
 from .rewards import TERMS
 from .settings import Settings
+
+if TYPE_CHECKING:
+    from .dashboard import Dashboard
 
 _FAR = 1e9  # bound of what has none [rad, m]
 
@@ -64,6 +66,12 @@ def _threads(workers: int) -> ThreadPoolExecutor | None:
 def _check_render_mode(mode: str | None) -> None:
     if mode not in (None, "rgb_array"):
         raise ValueError(f"unknown render_mode {mode!r}; known: rgb_array")
+
+
+def _dashboard(batch: Batch, ship: int = 0) -> Dashboard:
+    from .dashboard import Dashboard  # matplotlib takes half a second, and most never look
+
+    return Dashboard(batch, ship)
 
 
 def _checked(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
@@ -118,7 +126,7 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         _check_render_mode(render_mode)
         self.render_mode = render_mode
         self._began = False
-        self._dashboard = Dashboard(self.batch) if render_mode else None
+        self._dashboard = _dashboard(self.batch) if render_mode else None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -212,7 +220,7 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         _check_render_mode(render_mode)
         self.render_mode = render_mode
         drawn = range(num_envs) if render_mode else ()
-        self._dashboards = [Dashboard(self.batch, i) for i in drawn]
+        self._dashboards = [_dashboard(self.batch, i) for i in drawn]
         self._workers = min(threads or os.cpu_count() or 1, num_envs)
         # more shares than threads, so that no thread waits long for another on a busy machine
         self._shares = 2 * self._workers

@@ -10,8 +10,8 @@ from abc import abstractmethod
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from ..core.compiled import Record, compiled
 from ..plant.ship import Ship
@@ -48,7 +48,7 @@ def first_order_hold(
     block[:n, :n] = a * dt
     block[:n, n : n + m] = b * dt
     block[n : n + m, n + m :] = np.eye(m)
-    exponential = expm(block)
+    exponential = scipy.linalg.expm(block)
     held = exponential[:n, n : n + m]
     ramp = exponential[:n, n + m :]
     return exponential[:n, :n], held - ramp, ramp

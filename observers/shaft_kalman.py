@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_continuous_are
 
 from ..plant.ship import Ship
 from .linear import LinearObserver, shaft_model
@@ -33,7 +33,7 @@ class ShaftKalman(LinearObserver):
         scale = np.diag([1.0, np.sqrt(self.process[1])])
         inverse = np.linalg.inv(scale)
         noise = inverse @ np.diag(self.process) @ inverse.T
-        p = solve_continuous_are(
+        p = scipy.linalg.solve_continuous_are(
             (inverse @ a @ scale).T, (c @ scale).T, noise, [[self.measurement]]
         )
         return np.asarray(scale @ p @ (c @ scale).T / self.measurement)

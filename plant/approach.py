@@ -7,7 +7,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from .ship import Ship
 from .ship_errors import ShipError
@@ -50,7 +50,9 @@ def approach(ship: Ship, speed_m_s: float, pitch_ratio: float | None = None) -> 
         sailed.insert(0, (least, speed_at(least)))
     for (low, slower), (high, faster) in pairwise(sailed):
         if min(slower, faster) <= speed_m_s <= max(slower, faster):
-            drive = brentq(lambda d: speed_at(d) - speed_m_s, low, high, xtol=1e-13, rtol=1e-13)
+            drive = scipy.optimize.brentq(
+                lambda d: speed_at(d) - speed_m_s, low, high, xtol=1e-13, rtol=1e-13
+            )
             return equilibrium(ship, float(drive), pitch)
     speeds = [speed for _, speed in sailed]
     sails = f">= {min(speeds):.3g} and <= {max(speeds):.4g}" if speeds else "none"

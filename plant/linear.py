@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from ..core.lazy import control
 from .derivatives import STEP
@@ -153,7 +153,7 @@ class Local(NamedTuple):
         n = len(self.state)
         block = np.zeros((n + 1, n + 1))
         block[:n, :n], block[:n, n] = self.tangent.a, self.tangent.rates
-        return np.asarray(self.state + expm(block * seconds)[:n, n])
+        return np.asarray(self.state + scipy.linalg.expm(block * seconds)[:n, n])
 
 
 def along(

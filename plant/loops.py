@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ..core.lazy import control
 
@@ -179,7 +179,12 @@ class Loop:
             return float(of(self.response(np.array([frequency]))[0]))
 
         places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
-        return np.array([brentq(at, grid[k], grid[k + 1], xtol=1e-14, rtol=1e-14) for k in places])
+        return np.array(
+            [
+                scipy.optimize.brentq(at, grid[k], grid[k + 1], xtol=1e-14, rtol=1e-14)
+                for k in places
+            ]
+        )
 
     def step(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Time and controlled output after a step of the order by 1, each of shape (n,).

@@ -12,9 +12,9 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
-from scipy.interpolate import PchipInterpolator
 
 from ..core.compiled import Real, Record, compiled, compiled_apart
 from ..core.numeric import begun_between, clip, newton_step
@@ -143,7 +143,7 @@ def _over_pitch(p: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[
 def _surface(
     j: NDArray[np.float64], p: NDArray[np.float64], values: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    over_j = PchipInterpolator(j, values, axis=1).derivative()(j)
+    over_j = scipy.interpolate.PchipInterpolator(j, values, axis=1).derivative()(j)
     return np.array([values, over_j, _over_pitch(p, values), _over_pitch(p, over_j)])
 
 

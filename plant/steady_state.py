@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import root
+import scipy
 
 from .dynamics import evaluate, settled
 from .ship import Ship
@@ -79,7 +79,9 @@ def equilibrium(
         return [shaft, rate.ship_speed * float(plant["mass"]) / max(outputs.resistance, 1.0)]
 
     for start in _starts(ship, drive):
-        found = root(residual, start if moving else start[:1], method="hybr", tol=1e-13)
+        found = scipy.optimize.root(
+            residual, start if moving else start[:1], method="hybr", tol=1e-13
+        )
         if np.max(np.abs(residual(found.x))) < 1e-9 and found.x[0] > 1e-3:
             turns = float(found.x[0]) if ship.turns_freely else float(drive)
             state = complete(turns, float(found.x[1]) if moving else 0.0)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import beta
+import scipy
 
 from ..core.sweep import source_digest, sweep
 from ..display.tables import markdown, write_table
@@ -77,8 +77,8 @@ def judged(case: Case) -> dict[str, Any]:
 
 def interval(hits: int, of: int) -> tuple[float, float]:
     """95 % interval of a share (Clopper and Pearson 1934)."""
-    low = float(beta.ppf(0.025, hits, of - hits + 1)) if hits else 0.0
-    high = float(beta.ppf(0.975, hits + 1, of - hits)) if hits < of else 1.0
+    low = float(scipy.stats.beta.ppf(0.025, hits, of - hits + 1)) if hits else 0.0
+    high = float(scipy.stats.beta.ppf(0.975, hits + 1, of - hits)) if hits < of else 1.0
     return low, high
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from .reality.actuators import pitch_travel
 from .reality.effects import TrueEffect
@@ -100,7 +100,7 @@ def _pitch_fit(name: str) -> Callable[[Numbers, pd.DataFrame], float]:
             return float(np.mean((simple - true) ** 2))
 
         middle = math.log(n[name])
-        found = minimize_scalar(
+        found = scipy.optimize.minimize_scalar(
             misfit, bounds=(middle - 1.5, middle + 1.0), method="bounded", options={"xatol": 5e-3}
         )
         value = math.exp(float(found.x))

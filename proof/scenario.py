@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from .cases import TOLERANCES, Case, Concealed
 from .reality.bench import run_bench, voltage_programme
@@ -206,7 +206,9 @@ class Scenario:
         raw = np.sqrt(np.mean(change**2, axis=1))
         tolerances = TOLERANCES[self.case.ship]
         taken = np.array([(self.case.factors[n] - 1.0) / t for n, t in tolerances.items()])
-        fit = lsq_linear(self.imitations, change.ravel(), bounds=(-1.001 - taken, 1.001 - taken))
+        fit = scipy.optimize.lsq_linear(
+            self.imitations, change.ravel(), bounds=(-1.001 - taken, 1.001 - taken)
+        )
         rest = change - (self.imitations @ fit.x).reshape(change.shape)
         beyond = np.minimum(np.sqrt(np.mean(rest**2, axis=1)), raw.max())
         return float(beyond.max()), float(raw.max()), list(self.residual_rms)[int(beyond.argmax())]

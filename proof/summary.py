@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..display.figures import new_figure, save
+from .. import display
 from .cases import KINDS, STRENGTHS
 
 GOOD_UNNAMED = ("unexplained", "class", "family")
@@ -179,7 +179,7 @@ def draw_confusion(grid: pd.DataFrame, path: Path) -> None:
     counts = grid.loc[order, columns].to_numpy(dtype=float)
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
     size = 3.5 + 0.32 * len(columns), 2.5 + 0.26 * len(order)
-    figure, axes = new_figure(1, 1, size)
+    figure, axes = display.figures.new_figure(1, 1, size)
     axis = axes[0, 0]
     axis.grid(False)
     axis.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
@@ -190,4 +190,4 @@ def draw_confusion(grid: pd.DataFrame, path: Path) -> None:
     axis.set_yticks(range(len(order)), order, fontsize=7)
     axis.set_xlabel("named first")
     axis.set_ylabel("concealed")
-    save(figure, path)
+    display.figures.save(figure, path)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ..core.compiled import compiled
 from ..plant.columns import HEADING, RUDDER, SWAY_SPEED, TIME, YAW_RATE
@@ -73,7 +73,9 @@ def fitted(tables: Iterable[pd.DataFrame], length_m: float) -> Response:
         parts = [_rates(t, length_m, numbers) - t[YAW_RATE].to_numpy() for t in known]
         return np.concatenate(parts)
 
-    best = least_squares(missing, [1.0, 0.0, 0.0], x_scale=[0.3, 0.3, 0.03], loss="linear")
+    best = scipy.optimize.least_squares(
+        missing, [1.0, 0.0, 0.0], x_scale=[0.3, 0.3, 0.03], loss="linear"
+    )
     gain, time, neutral = float(best.x[0]), float(np.exp(best.x[1])), float(best.x[2])
     rates = np.concatenate([t[YAW_RATE] for t in known])
     sway = np.concatenate([t[SWAY_SPEED] for t in known])

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy import stats
 
 from ..agents.evaluation.controllers import label, load_controller
 from ..agents.evaluation.episodes import Setting
@@ -54,7 +54,9 @@ def detectable(deviation: float = NOISE_OF_RUNS) -> float:
         deviation: standard deviation between runs [%].
     """
     freedom = 2 * RUNS - 2
-    found = stats.t.ppf(1.0 - 0.5 * LEVEL / FAMILY, freedom) + stats.t.ppf(POWER, freedom)
+    found = scipy.stats.t.ppf(1.0 - 0.5 * LEVEL / FAMILY, freedom) + scipy.stats.t.ppf(
+        POWER, freedom
+    )
     return float(found * deviation * np.sqrt(2.0 / RUNS))
 
 
@@ -180,7 +182,7 @@ def table_of(values: dict[tuple[str, Arm], NDArray[np.float64]]) -> pd.DataFrame
         scale = 100.0 / abs(float(without.mean()))
         gain = scale * float(own.mean() - without.mean())
         spread = scale * float(np.sqrt(np.var(own, ddof=1) / RUNS + np.var(without, ddof=1) / RUNS))
-        half = spread * float(stats.t.ppf(1.0 - 0.5 * LEVEL / FAMILY, 2 * RUNS - 2))
+        half = spread * float(scipy.stats.t.ppf(1.0 - 0.5 * LEVEL / FAMILY, 2 * RUNS - 2))
         rows.append(
             {"condition": condition, **arm._asdict(), KPI: float(own.mean()),
              "between_runs_percent": scale * float(np.std(own, ddof=1)), "gain_percent": gain,

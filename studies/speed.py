@@ -15,7 +15,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pandas as pd
-from scipy.integrate import solve_ivp
+import scipy
 
 from ..core.files import write_text
 from ..display.tables import markdown
@@ -93,7 +93,9 @@ def _solve_ivp_rate(sea: str | None) -> float:
         return np.array(evaluate(plant, state, Inputs(22.0, 1.3, inflow), 1.4, False)[0])
 
     def work() -> object:
-        return solve_ivp(rate, (0.0, 20.0), np.array(start), rtol=1e-6, max_step=0.05 * 10)
+        return scipy.integrate.solve_ivp(
+            rate, (0.0, 20.0), np.array(start), rtol=1e-6, max_step=0.05 * 10
+        )
 
     return best_rate(work, round(20.0 / frigate.time_step_s), repeats=3)
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
-from ..display import figures
+from .. import display
 from ..observers import follow, get_observer, readings_of
 from ..observers.metrics import variance_accounted_for
 from ..plant import load_ship
 from .thesis.load_cases import CASES
 from .thesis.vaf import ROWS
 from .tito_neri import steady_states
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 GAUGE_NOISE = {
     "shaft_speed_rad_s": 0.01,
@@ -80,7 +83,7 @@ def sail_the_thesis_sea(seed: int = 0, tick: Callable[[], None] = lambda: None) 
             }
         )
         tick()
-    figure = figures.seaway(samples["time"], truth, estimates, scores, (100.0, 160.0))
+    figure = display.figures.seaway(samples["time"], truth, estimates, scores, (100.0, 160.0))
     return Seaway(pd.DataFrame(rows), figure)
 
 
@@ -117,5 +120,5 @@ def meet_the_drive_train() -> DriveTrain:
         f"{steady_states.response_error(response, model, 'current'):.2f} dB."
         for model in steady_states.MODELS
     ]
-    figure = figures.drive_train(points, response, steady_states.MODELS)
+    figure = display.figures.drive_train(points, response, steady_states.MODELS)
     return DriveTrain(points, response, sentences, figure)

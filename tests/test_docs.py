@@ -23,7 +23,7 @@ BLOCKS = [
     for i, block in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL))
 ]
 CELLS = [
-    (page.name, "".join(line for line in cell.splitlines(True) if not line.startswith("!")))
+    (page.name, "".join(line for line in cell.splitlines(True) if not line.startswith(("!", "%"))))
     for page in sorted((ROOT / "docs" / "notebooks").glob("*.md"))
     for cell in re.findall(r"```\{code-cell\} python\n(.*?)```", page.read_text(), re.DOTALL)
 ]

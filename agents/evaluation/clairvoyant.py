@@ -23,9 +23,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from ...baselines.actions import actions, decode
 from ...baselines.controller import Predictor
@@ -260,7 +260,7 @@ class Clairvoyant:
 
         best, least = ((begin - self.low) / span).ravel(), np.inf
         while count < rounds:  # the reward has kinks, at which a search may stop short: begun anew
-            found = minimize(
+            found = scipy.optimize.minimize(
                 cost, best, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * begin.size,
                 options={"maxfun": rounds - count, "maxcor": 30, "ftol": 1e-7},
             )  # fmt: skip

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 from .kpis import KPIS
 
@@ -18,7 +18,7 @@ _RESAMPLES = 2000
 
 def interquartile_mean(values: Any, axis: int = -1) -> Any:
     """Mean of the middle half (Agarwal et al. 2021) along an axis."""
-    return stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
+    return scipy.stats.trim_mean(np.asarray(values, dtype=np.float64), 0.25, axis=axis)
 
 
 def with_interval(
@@ -29,7 +29,7 @@ def with_interval(
     middle = float(statistic(sample))
     if len(sample) < 3 or np.ptp(sample) == 0.0:
         return middle, middle, middle
-    found = stats.bootstrap(
+    found = scipy.stats.bootstrap(
         (sample,),
         statistic,
         n_resamples=1000,

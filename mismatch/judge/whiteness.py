@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from ...plant.ship import Ship
 from ..search.fitting import Fit, Fitter
@@ -106,7 +106,7 @@ class Whiteness:
         """Power over the noise's from which on a band is coloured, shape (bands,)."""
         bands = self.fitter.bands
         freedom = 2.0 * np.add.reduceat(bands.weights, bands.edges[:-1])
-        return np.asarray(EXCESS * chi2.isf(CHANCE, freedom) / freedom)
+        return np.asarray(EXCESS * scipy.stats.chi2.isf(CHANCE, freedom) / freedom)
 
     def coloured(self, fit: Fit) -> list[str]:
         """Names of the balances in which a model leaves more than noise."""

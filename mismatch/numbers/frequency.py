@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from ...plant.columns import TIME, drive_column
 from ...plant.dynamics import evaluate, settled
@@ -158,7 +158,7 @@ def modelled(ship: Ship, measured: FrequencyResponse) -> dict[str, Complex]:
     shift = np.asarray(1j * frequency, dtype=np.complex128)
     if interval_s > 0.0:
         size = len(a)
-        both = expm(np.block([[a, b], [np.zeros((1, size + 1))]]) * interval_s)
+        both = scipy.linalg.expm(np.block([[a, b], [np.zeros((1, size + 1))]]) * interval_s)
         a, b, shift = both[:size, :size], both[:size, size:], np.exp(shift * interval_s)
     resolvent = shift[:, None, None] * np.eye(len(a)) - a
     answer = c @ np.linalg.solve(resolvent, np.broadcast_to(b, (len(shift), *b.shape))) + d

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
@@ -78,7 +78,7 @@ def fit(chosen: Free, measured: FrequencyResponse, method: str) -> Fitted:
     low, high = (bound / chosen.scale for bound in chosen.bounds)
     best: Any = None
     for start in _starts(chosen, measured):
-        tried = least_squares(
+        tried = scipy.optimize.least_squares(
             residual, np.clip(start / chosen.scale, low, high), bounds=(low, high), x_scale="jac",
             xtol=1e-12, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
@@ -156,7 +156,9 @@ def closed_form(
         )
         return np.concatenate([errors.real, errors.imag])
 
-    s1, s2, z1, speed, current = map(float, np.exp(least_squares(residual, start, x_scale=0.1).x))
+    s1, s2, z1, speed, current = map(
+        float, np.exp(scipy.optimize.least_squares(residual, start, x_scale=0.1).x)
+    )
     five = {"s1": -s1, "s2": -s2, "z1": -z1, "speed_gain": speed, "current_gain": current}
     train = from_poles(-s1, -s2, -z1, speed, current, point, drive_train(ship).viscous)
     sizes = (train.inductance, train.constant, train.resistance, train.inertia, train.load)

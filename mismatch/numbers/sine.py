@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
@@ -207,7 +207,7 @@ def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
         fitted = basis @ np.linalg.lstsq(basis, demand, rcond=None)[0]
         return float(np.sum((demand - fitted) ** 2))
 
-    best = minimize_scalar(
+    best = scipy.optimize.minimize_scalar(
         left, bounds=(max(strongest - 1.0, 0.4) * unit, (strongest + 1.0) * unit), method="bounded",
         options={"xatol": 1e-7 * unit * strongest},
     )  # fmt: skip

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
@@ -179,7 +179,7 @@ def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, floa
         fading = np.exp(slow * time) - np.exp(-time / electric)
         return np.asarray(model.drive * fading / (1.0 + slow * electric))
 
-    best = minimize_scalar(
+    best = scipy.optimize.minimize_scalar(
         lambda log: float(np.sum((seen - passed(math.exp(log))) ** 2)), method="bounded",
         bounds=(math.log(time[0] / 12.0), math.log(min(0.2 / abs(slow), 20.0 * reached))),
         options={"xatol": 1e-10},

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import get_window
 
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
@@ -202,7 +202,7 @@ def _band(
     low: float, high: float, interval_s: float,
 ) -> list[_Line]:  # fmt: skip
     """Responses of one part of the spectrum."""
-    window = get_window("hann", length)
+    window = scipy.signal.get_window("hann", length)
     lines = 2.0 * math.pi * np.fft.rfftfreq(length, interval_s)
     spectra: dict[str, list[NDArray[np.complex128]]] = {c: [] for c in (demand, *outputs)}
     for run in runs:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ...plant.columns import BOUNDS, SHAFT_ANGLE, answered_columns, drive_column
 from ...plant.recording import RecordingError
@@ -102,7 +102,7 @@ def pitch_swapped(table: pd.DataFrame, interval_s: float, ship: Ship) -> bool:
 
     def after(values: NDArray[Any]) -> NDArray[Any]:
         start = [(1.0 - share) * values[0]]
-        return np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=start)[0])
+        return np.asarray(scipy.signal.lfilter([share], [1.0, share - 1.0], values, zi=start)[0])
 
     # both misfits smoothed alike, so that the measured one's noise speaks for neither order
     forward = np.std(after(after(command) - measured))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
+import scipy
 from matplotlib.ticker import FuncFormatter, NullFormatter
-from scipy.signal import welch
 
 from ...plant.ship import Ship
 from ..outcome import Outcome
@@ -199,7 +199,7 @@ def spectra(diagnosis: Outcome) -> list[str]:
 
 def smooth_spectrum(values: Array, rate: float, length: int) -> tuple[Array, Array]:
     """One-sided power density, averaged over 24 bands a decade."""
-    frequency, power = welch(values, rate, nperseg=max(8, length), detrend=False)
+    frequency, power = scipy.signal.welch(values, rate, nperseg=max(8, length), detrend=False)
     frequency, power = frequency[1:], power[1:]
     band = np.floor(24.0 * np.log10(frequency / frequency[0]) + 1e-9).astype(int)
     _, which = np.unique(band, return_inverse=True)

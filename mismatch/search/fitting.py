@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize, minimize_scalar
 
 from ..estimate import Estimate
 from ..simulate.at_once import at_once
@@ -297,13 +297,13 @@ class Fitter:
 
         start = search.start
         if len(start) == 1:
-            minimize_scalar(
+            scipy.optimize.minimize_scalar(
                 loss, bounds=(start[0] - 1.5, start[0] + 1.5), method="bounded",
                 options={"xatol": 0.005, "maxiter": 16},
             )  # fmt: skip
         else:
             simplex = np.vstack([start, start + spread * np.eye(len(start))])
-            minimize(
+            scipy.optimize.minimize(
                 loss, start, method="Nelder-Mead",
                 options={"maxfev": evaluations, "xatol": 3e-3, "fatol": 0.05,
                          "initial_simplex": simplex},

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
-from scipy.signal import lfilter
 
 from ...plant.term_kernel import Heard
 from ...plant.terms import PLACES, TERM_SIGNALS
@@ -214,7 +213,7 @@ class Screen:
         if place == "pitch_rate":
             constant = self.fitter.trial_ship.ship.pitch_actuator.time_constant_s
             kept = float(np.exp(-balances.replay.interval_s / constant))
-            traces = lfilter([1.0 - kept], [1.0, -kept], traces, axis=1)
+            traces = scipy.signal.lfilter([1.0 - kept], [1.0, -kept], traces, axis=1)
         answer = self.answer(place)
         found = np.zeros((len(blocks), len(balances.names), len(bands.order)), np.complex128)
         for row in np.flatnonzero(np.abs(answer).max(axis=1) > 0.0):
@@ -237,8 +236,8 @@ class Screen:
             return [], []
         white = self._whitener(weight)
         nuisance = white(self.fitter.nuisance)
-        root = cholesky(nuisance @ nuisance.T + np.eye(len(nuisance)), lower=True)
-        explained = solve_triangular(root, nuisance, lower=True)
+        root = scipy.linalg.cholesky(nuisance @ nuisance.T + np.eye(len(nuisance)), lower=True)
+        explained = scipy.linalg.solve_triangular(root, nuisance, lower=True)
         columns = white(self.columns(place, blocks, values))
         rest = white(residual[None])[0]
         taken = columns @ explained.T

@@ -19,8 +19,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from .shares import Sums, best_shares, gram
 
@@ -50,7 +50,7 @@ def chance(freedom: int, tried: int, risk: float) -> float:
         tried: how many.
         risk: the probability, that one of all of them does.
     """
-    return SMALL_SAMPLE * float(chi2.isf(risk / tried, freedom))
+    return SMALL_SAMPLE * float(scipy.stats.chi2.isf(risk / tried, freedom))
 
 
 @dataclass(frozen=True)

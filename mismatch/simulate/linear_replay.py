@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from ...core.compiled import compiled
 from ...plant.columns import MEASURED
@@ -84,7 +84,7 @@ def _simulated(run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any
     # x' = A x + B u + f as one system, carried exactly over a step
     whole = np.zeros((n + 5, n + 5))
     whole[:n] = np.column_stack([model.a, model.b, model.rates])
-    step = expm(whole * run.dt)
+    step = scipy.linalg.expm(whole * run.dt)
     moved = acting - np.array(list(mean.values()))
     deviations = np.zeros((len(acting) + 1, n))
     deviations[0] = [getattr(first, name) - getattr(middle, name) for name in states]

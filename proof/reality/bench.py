@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
-from scipy.linalg import solve_banded
 
 from .motion import compiled
 from .numbers import NEUTRAL, Numbers
@@ -158,7 +157,7 @@ def _drawn_out(volts: Floats) -> Floats:
     bands = np.full((3, len(volts)), 0.125)
     bands[1] = 0.75
     bands[1, [0, -1]] = 0.875  # level from the middle of the first and the last sample outwards
-    return np.asarray(solve_banded((1, 1), bands, volts))
+    return np.asarray(scipy.linalg.solve_banded((1, 1), bands, volts))
 
 
 @compiled
@@ -183,7 +182,9 @@ def run_bench(numbers: Numbers, volts: Floats, period: float) -> pd.DataFrame:
     demand = np.clip(volts, -numbers["volt_high"], numbers["volt_high"])
     times = np.arange(len(volts)) * period
     still = np.full(2, demand[0])
-    first = solve_ivp(rates, (0.0, 60.0), np.zeros(4), "LSODA", args=(record, still, 60.0))
+    first = scipy.integrate.solve_ivp(
+        rates, (0.0, 60.0), np.zeros(4), "LSODA", args=(record, still, 60.0)
+    )
     state = first.y[:, -1]
     state[2:] = 0.0
     states = np.empty((len(times), 4))
@@ -191,7 +192,7 @@ def run_bench(numbers: Numbers, volts: Floats, period: float) -> pd.DataFrame:
     for begin, end in zip([0, *edges], [*edges, len(times) - 1], strict=True):
         if begin == end:
             continue
-        part = solve_ivp(
+        part = scipy.integrate.solve_ivp(
             rates, (0.0, (end - begin) * period), state, method="RK45", rtol=1e-5, atol=1e-5,
             t_eval=np.arange(end - begin + 1) * period,
             args=(record, _drawn_out(demand[begin:end]), period),

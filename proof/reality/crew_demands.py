@@ -6,9 +6,9 @@ import functools
 import math
 
 import numpy as np
+import scipy
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from .motion import _curve
 from .numbers import frigate_numbers, open_water_curve
@@ -38,7 +38,7 @@ def steady(omega: float, pitch: float) -> tuple[float, float]:
         thrust = n["density"] * turns**2 * diameter**4 * float(_curve(kt, j, pitch))
         return n["screws"] * (1.0 - n["deduction"]) * thrust - n["resistance"] * v * v
 
-    v = float(brentq(surplus, 0.0, 1.5 * turns * diameter))
+    v = float(scipy.optimize.brentq(surplus, 0.0, 1.5 * turns * diameter))
     j = (1.0 - n["wake"]) * v / (turns * diameter)
     load = n["density"] * turns**2 * diameter**5 * float(_curve(kq, j, pitch)) / n["rotative"]
     brake = load / (n["gear"] * n["efficiency"])

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import lfilter
 
 from .numbers import Numbers
 
@@ -20,14 +19,18 @@ def _late(values: Floats, delay: float, smoothing: float, period: float) -> Floa
     """A delay of which a share is an exponential smoothing, the rest pure."""
     time = np.arange(len(values)) * period
     share = -math.expm1(-period / max(smoothing * delay, 1e-9))
-    smooth, _ = lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])
+    smooth, _ = scipy.signal.lfilter(
+        [share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]]
+    )
     pure = delay - smoothing * delay
     return np.asarray(np.interp(time - pure, time, smooth))
 
 
 def _trailing_mean(values: Floats, window: float, period: float) -> Floats:
     wide = max(round(window / period), 1)
-    return np.asarray(uniform_filter1d(values, wide, mode="nearest", origin=(wide - 1) // 2))
+    return np.asarray(
+        scipy.ndimage.uniform_filter1d(values, wide, mode="nearest", origin=(wide - 1) // 2)
+    )
 
 
 def encoder_noise(numbers: Numbers, rows: int, seed: int) -> Floats:

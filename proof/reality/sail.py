@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from .actuators import pitch_travel, rack_travel
 from .motion import ABSOLUTE_TOLERANCES, CLOCK, STATES, rates, signals
@@ -89,7 +89,7 @@ def _first_states(ship: NDArray[Any], numbers: Numbers, table: Floats) -> Floats
     if numbers["lag_time"] > 0.0:
         start[3] = 2e4
     start[5] = 6.0
-    whole = solve_ivp(
+    whole = scipy.integrate.solve_ivp(
         rates, (0.0, SETTLING), start, method="LSODA", rtol=1e-7, atol=ABSOLUTE_TOLERANCES,
         args=(ship, calm(), held, SETTLING), events=_slow,
     )  # fmt: skip
@@ -133,7 +133,7 @@ def sail(
         if first == last:
             continue
         span = float(times[first]), float(times[last]) - 1e-6
-        solution = solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             rates, span, state, method="RK45", rtol=1e-5, atol=ABSOLUTE_TOLERANCES, max_step=longest,
             t_eval=np.append(times[first:last], span[1]), args=(ship, waves, table, step),
             events=_slow,

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from ..reality.bench import bench_numbers
 from ..reality.motion import _curve
@@ -31,7 +31,7 @@ HELD_OUT_SHARE = 0.25  # last share of the record; fitted on the rest
 
 
 def _rate(values: Floats, period: float) -> Floats:
-    return np.asarray(savgol_filter(values, SMOOTHED_ROWS, 2, deriv=1, delta=period))
+    return np.asarray(scipy.signal.savgol_filter(values, SMOOTHED_ROWS, 2, deriv=1, delta=period))
 
 
 def _lagged(values: Floats, period: float, lag: float) -> Floats:

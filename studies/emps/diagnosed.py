@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pandas as pd
-from scipy.signal import butter, sosfiltfilt
+import scipy
 
 from ...mismatch import diagnose
 from ...mismatch.progress import Tick, silent
@@ -62,8 +62,12 @@ def diagnosed(runs: Recordings, tick: Tick = silent) -> pd.DataFrame:
 
 def _logged(table: pd.DataFrame, every: int, filtered: bool) -> pd.DataFrame:
     if filtered:
-        low = butter(4, min(PASSED * 1000.0 / every, MOST_HZ), output="sos", fs=1000.0)
+        low = scipy.signal.butter(4, min(PASSED * 1000.0 / every, MOST_HZ), output="sos", fs=1000.0)
         table = table.assign(
-            **{c: sosfiltfilt(low, table[c].to_numpy()) for c in table if c != "time_s"}
+            **{
+                c: scipy.signal.sosfiltfilt(low, table[c].to_numpy())
+                for c in table
+                if c != "time_s"
+            }
         )
     return table.iloc[::every].reset_index(drop=True)

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.signal import butter, sosfiltfilt
 
 from ...mismatch import identify, load_recording
 from ...mismatch.progress import Tick, silent
@@ -82,7 +81,9 @@ def errors(ship: Ship, recording: pd.DataFrame) -> tuple[float, float]:
 
 
 def _velocity(position: NDArray[np.float64]) -> NDArray[np.float64]:
-    smooth = sosfiltfilt(butter(4, SMOOTHED_HZ, output="sos", fs=1000.0), position)
+    smooth = scipy.signal.sosfiltfilt(
+        scipy.signal.butter(4, SMOOTHED_HZ, output="sos", fs=1000.0), position
+    )
     return np.asarray(np.gradient(smooth, 1e-3))
 
 
@@ -137,7 +138,9 @@ def refitted(recording: pd.DataFrame) -> Ship:
         found = simulate_recording(at(shares), recording)[POSITION].to_numpy()
         return np.asarray(1e3 * (found - measured)[::10])
 
-    return at(least_squares(left, np.ones(len(KEYS)), diff_step=np.full(len(KEYS), 1e-3)).x)
+    return at(
+        scipy.optimize.least_squares(left, np.ones(len(KEYS)), diff_step=np.full(len(KEYS), 1e-3)).x
+    )
 
 
 def _row(ship: Ship, runs: Recordings) -> dict[str, float]:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import root
 
 from ...baselines.combinator_surface import combinator_surface, look_up
 from ...baselines.cpp_optimiser import FILTER_S, CppOptimiser
@@ -109,7 +109,7 @@ def settled(ship: Ship, error: Error, speed_order: float, factor: float) -> Sett
             float(x[1] * scale[1] / setting.pitch_ratio[0]) - 1.0,
         ]
 
-    found = root(off, np.ones(2), tol=1e-9)
+    found = scipy.optimize.root(off, np.ones(2), tol=1e-9)
     if not found.success:
         raise RuntimeError(f"{ship.name}, {error}: no steady state ({found.message})")
     return seen(*(float(v) for v in found.x * scale))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import brentq
+import scipy
 
 from ...baselines.combinator import Curve, combinator_curve, curve_through
 from ...baselines.combinator_surface import CombinatorSurface, combinator_surface, look_up
@@ -96,7 +96,7 @@ def governed(ship: Ship, shaft_speed: float, pitch_ratio: float, factor: float) 
     def excess(speed: float) -> float:
         return steady_point(ship, speed, pitch_ratio, factor).torque_share - 1.0
 
-    slower = float(brentq(excess, ship.shaft_speeds[0], shaft_speed, xtol=1e-10))
+    slower = float(scipy.optimize.brentq(excess, ship.shaft_speeds[0], shaft_speed, xtol=1e-10))
     return steady_point(ship, slower, pitch_ratio, factor)
 
 
@@ -107,7 +107,7 @@ def at_speed(ship: Ship, pitch_ratio: float, ship_speed: float, factor: float) -
     def missing(shaft_speed: float) -> float:
         return steady_point(ship, shaft_speed, pitch_ratio, factor).ship_speed - ship_speed
 
-    found = float(brentq(missing, 0.2 * top, 1.5 * top, xtol=1e-12))
+    found = float(scipy.optimize.brentq(missing, 0.2 * top, 1.5 * top, xtol=1e-12))
     return steady_point(ship, found, pitch_ratio, factor)
 
 
@@ -163,7 +163,9 @@ def pitch_for(ship: Ship, shaft_speed: float, ship_speed: float, factor: float) 
     def missing(pitch: float) -> float:
         return steady_point(ship, shaft_speed, pitch, factor).ship_speed - ship_speed
 
-    return float(brentq(missing, screw.pitch_ratio_min, screw.pitch_ratio_max, xtol=1e-9))
+    return float(
+        scipy.optimize.brentq(missing, screw.pitch_ratio_min, screw.pitch_ratio_max, xtol=1e-9)
+    )
 
 
 def blade_angle(pitch_ratio: float) -> float:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import minimize_scalar
+import scipy
 
 from ...mismatch import identify
 from ...mismatch.numbers.identification import Identification
@@ -119,7 +119,7 @@ def best_wake(ship: Ship, *runs: pd.DataFrame) -> tuple[float, float]:
     Of the run that is judged itself it is no result, but the bound on one.
     """
     run = pd.concat(runs, ignore_index=True)
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         lambda w: errors(ship.with_values({WAKE: float(w)}), run).thrust,
         bounds=(0.2, 0.59), method="bounded", options={"xatol": 1e-5},
     )  # fmt: skip

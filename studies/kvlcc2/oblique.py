@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 import tomli_w
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from ...mismatch import Diagnosis, Options, diagnose
 from ...mismatch.search.catalogue import catalogue
@@ -162,7 +162,7 @@ def by_squares(
             parts.append((simulated["shaft_torque"] - table[TORQUE].to_numpy()) / weights[1])
         return np.concatenate(parts)
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         residuals, start, x_scale=np.maximum(np.abs(start), 0.1), max_nfev=60,
         bounds=([n.info.low for n in numbers], [n.info.high for n in numbers]),
     )  # fmt: skip

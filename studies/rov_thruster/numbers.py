@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import minimize
+import scipy
 
 from ...mismatch import identify
 from ...mismatch.numbers.free import AUTO, Free
@@ -126,7 +126,7 @@ def least_error(found: Identification, table: pd.DataFrame) -> float:
 
     corner = np.zeros(len(here))
     simplex = np.vstack([corner, corner + np.eye(len(here))])
-    found_there = minimize(
+    found_there = scipy.optimize.minimize(
         error, corner, method="Nelder-Mead",
         options={"maxfev": 150 * len(here), "xatol": 1e-2, "fatol": 1e-4, "initial_simplex": simplex},
     )  # fmt: skip

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import solve_discrete_are
+import scipy
 
 from ...core.lazy import control
 from ...observers.torque_curve import torque_slopes
@@ -57,7 +57,7 @@ def predictor(a11: float, a12: float) -> Filter:
         a12: of omega' to v_a [rad/(s m)].
     """
     a, c = np.array([[a11, a12], [0.0, 1.0]]), np.array([[1.0, 0.0]])
-    p = solve_discrete_are(a.T, c.T, np.diag(NOISES), np.eye(1))
+    p = scipy.linalg.solve_discrete_are(a.T, c.T, np.diag(NOISES), np.eye(1))
     k = a @ p @ c.T / (c @ p @ c.T + 1.0)
     zeros = [
         control.ss(a - k @ c, k, np.eye(2)[[row]], [[0.0]], True).zeros().real[0]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import root
+import scipy
 
 from ...core.lazy import control
 from ...plant import Equilibrium, Ship, equilibrium, linearise
@@ -45,7 +45,7 @@ def mid_range_point(ship: Ship) -> Equilibrium:
         gains = [float(np.real(model[o, "drive"].dcgain())) for o in ("shaft_speed", "ship_speed")]
         return [ours - theirs for ours, theirs in zip(gains, wanted, strict=True)]
 
-    rack, pitch = root(difference, [22.0, 1.2]).x
+    rack, pitch = scipy.optimize.root(difference, [22.0, 1.2]).x
     return equilibrium(ship, float(rack), float(pitch))
 
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from ...display.tables import markdown, write_table
 from ...plant import Ship, equilibrium, load_ship
@@ -74,7 +74,7 @@ def fitted(ship: Ship, effect: str, points: Any) -> float:
     def loss(value: float) -> float:
         return rms(errors(ship.with_values({key: float(value)}))[points])
 
-    best = minimize_scalar(
+    best = scipy.optimize.minimize_scalar(
         loss, bounds=(low, high), method="bounded",
         options={"maxiter": 25, "xatol": 1e-4 * (high - low)},
     )  # fmt: skip

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ...core.compiled import Record, compiled
 from ...mismatch.numbers.drive_train import CONSTANT
@@ -187,7 +187,7 @@ def _amplified(test: Experiment, own: Instruments, per_row: int) -> NDArray[np.f
         return np.asarray(told, dtype=np.float64)
     kept = math.exp(-FINE_S / own.lag_s)
     # at the steps' ends; the mean over a step lies between its ends as the lag has it
-    ends, _ = lfilter([1.0 - kept], [1.0, -kept], told, zi=np.array([kept * told[0]]))
+    ends, _ = scipy.signal.lfilter([1.0 - kept], [1.0, -kept], told, zi=np.array([kept * told[0]]))
     starts = np.r_[told[0], ends[:-1]]
     share = own.lag_s / FINE_S * (1.0 - kept)
     return np.asarray(told + (starts - told) * share, dtype=np.float64)

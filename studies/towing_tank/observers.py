@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ...display import figures
 from ...display.tables import markdown, write_table
@@ -97,7 +97,7 @@ def steady_torque(ship: Ship, thrust: float, inflow: float) -> float:
         return propeller_load(plant, inflow, shaft_speed, pitch, ship.propeller.depth_m, 0.0)
 
     ends = (5.0, 150.0) if thrust > 0.0 else (-150.0, -5.0)
-    speed = brentq(lambda w: load(w).thrust - thrust, *ends)
+    speed = scipy.optimize.brentq(lambda w: load(w).thrust - thrust, *ends)
     torque = load(speed).torque / ship.propeller.relative_rotative_efficiency
     return float(brake_torque_of(plant, load_torque(plant, torque, speed), speed))
 

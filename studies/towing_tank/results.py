@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import least_squares
+import scipy
 
 from ...baselines.thrust_control import ThrustControl
 from ...plant import Ship, load_ship
@@ -80,7 +80,7 @@ def calibrated(air: Air) -> tuple[Programme, float]:
         return np.array(found[:3]) / PRINTED["anti-spin"] - 1.0
 
     # air comes and goes with a threshold: a step large enough to see past its jumps
-    best = least_squares(
+    best = scipy.optimize.least_squares(
         off, np.ones(3), diff_step=[0.03, 0.03, 0.03], x_scale=[0.1, 0.1, 1.0], max_nfev=12,
         bounds=([0.5, 0.5, 0.0], [2.0, 2.0, 9.0]),
     )  # fmt: skip

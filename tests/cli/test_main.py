@@ -22,10 +22,15 @@ def test_help_needs_no_numerics() -> None:
     assert told.stdout.splitlines()[-1] == "[]"
 
 
-def test_the_door_of_the_plant_leaves_python_control_unread() -> None:
-    code = "import sys, shaftline.plant\nprint('control.statesp' in sys.modules)"
+@pytest.mark.parametrize(
+    "module",
+    ["baselines", "envs", "cli.simulate_command", "cli.evaluate_command", "cli.tour_command"],
+)
+def test_what_is_slow_is_imported_when_it_is_used(module: str) -> None:
+    slow = {"control.statesp", "matplotlib.figure", "scipy.optimize", "scipy.signal", "scipy.stats"}
+    code = f"import sys, shaftline.{module}\nprint(sorted({slow} & set(sys.modules)))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "False"
+    assert told.stdout.strip() == "[]"
 
 
 def test_every_file_is_a_command() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
 import numba
 import pytest
 
-from shaftline.cli.progress import EVERY_S, Log, progress, stages, tell_compiling
+from shaftline.cli.progress import EVERY_S, Log, loading, progress, stages, tell_compiling
 
 
 def told(steps: list[tuple[float, int, str]], total: int) -> list[str]:
@@ -57,3 +59,12 @@ def test_compiling_is_told_once_and_not_where_it_is_short() -> None:
     assert len(told) == 1
     assert "compiling the equations" in told[0]
     assert short == []
+
+
+def test_loading_is_told_where_it_lasts(capfd: pytest.CaptureFixture[str]) -> None:
+    with loading(patience_s=60.0):
+        pass
+    assert capfd.readouterr().err == ""
+    with loading(patience_s=0.0):
+        time.sleep(0.2)
+    assert capfd.readouterr().err == "loading\n"
