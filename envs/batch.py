@@ -15,7 +15,7 @@ from ..baselines.controller import OBSERVED
 from ..baselines.governor import tune
 from ..baselines.steering import OBSERVED_STEERED
 from ..observers import get_observer
-from ..observers.base import ESTIMATE
+from ..observers.records import ESTIMATE
 from ..plant import Ship, equilibrium, realise
 from ..plant.dynamics import settled
 from ..plant.helm import refuse_to_steer

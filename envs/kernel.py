@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..baselines.actions import decode
 from ..baselines.governor import govern
 from ..core.compiled import Record, compiled
-from ..observers.base import Measurement
+from ..observers.records import Measurement
 from ..observers.registry import update
 from ..plant.cavitation import effective_attack, outside_bucket
 from ..plant.rudder import rudder_angle

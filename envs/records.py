@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..baselines.steering import OBSERVED_STEERED
-from ..observers.base import ESTIMATE, OBSERVER
+from ..observers.records import ESTIMATE, OBSERVER
 from ..plant.memory import MEMORY
 from ..plant.record import PLANT
 from ..plant.state import STATE

@@ -26,9 +26,10 @@ from typing import Any
 from ..core.compiled import Record, compiled
 from ..plant.shaft import inertia_behind_gauge
 from ..plant.ship import Ship
-from .base import Measurement, Observer
+from .base import Observer
 from .immersion_invariance import followed
 from .random_walk_kalman import corrected, propagated
+from .records import Measurement
 from .torque_curve import torque_slopes
 
 HORIZON_S = 1.0

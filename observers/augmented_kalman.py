@@ -26,7 +26,8 @@ from ..plant.propeller import propeller_load
 from ..plant.shaft import inertia_behind_gauge, load_torque
 from ..plant.ship import Ship
 from .augmented import STEP
-from .base import TRACKED, Measurement, Observer, ObserverError
+from .base import Observer, ObserverError
+from .records import TRACKED, Measurement
 from .torque_curve import held_on_curve, velocity_from_torque
 
 _FOULING, _COULOMB, _VISCOUS = range(3)

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from ..core.compiled import Record, compiled
-from .base import Measurement, Observer
+from .base import Observer
+from .records import Measurement
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ..core.compiled import Record, compiled
 from ..plant.columns import drive_column
 from ..plant.ship import Ship
-from .base import ESTIMATE, READINGS, TRACKED, Measurement, Observer, ObserverError
+from .base import Observer, ObserverError
+from .records import ESTIMATE, READINGS, TRACKED, Measurement
 from .registry import update
 from .torque_reading import read_at_drive, torque_of_current, torque_of_drive
 

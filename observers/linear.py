@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..plant.ship import Ship
-from .base import Measurement, Observer
+from .base import Observer
+from .records import Measurement
 from .torque_curve import velocity_from_torque
 
 FAR_SHARE = 0.2

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .base import READINGS
+from .records import READINGS
 
 Floats = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic
 
 from ..core.compiled import Record, compiled
-from .base import ESTIMATE, OBSERVER, Measurement
+from .records import ESTIMATE, OBSERVER, Measurement
 
 _READINGS = len(Measurement._fields)
 types: Any = numba_types

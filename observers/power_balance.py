@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..core.compiled import Record, compiled
-from .base import Measurement, Observer
+from .base import Observer
+from .records import Measurement
 from .torque_curve import velocity_from_torque
 
 

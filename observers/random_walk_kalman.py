@@ -23,7 +23,8 @@ from typing import Any, ClassVar
 from ..core.compiled import Record, compiled
 from ..plant.shaft import inertia_behind_gauge, shaft_inertia
 from ..plant.ship import Ship
-from .base import Measurement, Observer
+from .base import Observer
+from .records import Measurement
 from .torque_curve import (
     held_on_curve,
     model_torque,

@@ -6,16 +6,9 @@ from collections.abc import Callable
 
 from ..core.compiled import Record, compiled, spelled_out
 from ..core.discovery import classes_in, of_others, offered
-from .base import (
-    Measurement,
-    Observer,
-    ObserverError,
-    code_of,
-    is_plausible,
-    pitch_is_known,
-    remember,
-)
+from .base import Observer, ObserverError, code_of
 from .of_others import update_through_address
+from .records import Measurement, is_plausible, pitch_is_known, remember
 from .torque_curve import told_by_torque
 
 OBSERVERS = "shaftline.observers"

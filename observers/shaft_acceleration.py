@@ -11,8 +11,9 @@ import numpy as np
 from ..core.compiled import Record, compiled
 from ..plant.shaft import inertia_behind_gauge
 from ..plant.ship import Ship
-from .base import Measurement, Observer
+from .base import Observer
 from .linear import first_order_hold
+from .records import Measurement
 from .torque_curve import velocity_from_torque
 
 

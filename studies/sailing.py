@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import compiled
-from ..observers.base import Measurement
+from ..observers.records import Measurement
 from ..observers.registry import update
 from ..plant.stepping import UNDISTURBED, step
 

@@ -21,7 +21,7 @@ from ..core.files import write_text
 from ..display.tables import markdown
 from ..envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
 from ..observers import get_observer
-from ..observers.base import ESTIMATE, OBSERVER
+from ..observers.records import ESTIMATE, OBSERVER
 from ..plant import equilibrium, get_sea, load_ship, realise
 from ..plant.dynamics import evaluate
 from ..plant.memory import MEMORY

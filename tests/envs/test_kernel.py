@@ -21,7 +21,7 @@ from shaftline.envs.kernel import (
 )
 from shaftline.envs.records import EPISODE
 from shaftline.observers import get_observer, update
-from shaftline.observers.base import ESTIMATE, Measurement
+from shaftline.observers.records import ESTIMATE, Measurement
 from shaftline.plant import load_ship
 from shaftline.plant.cavitation import burrill_ratio, effective_attack, outside_bucket
 from shaftline.plant.drives.diesel import rack_torque, torque_limit

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from shaftline.observers import ESTIMATE, Measurement, ObserverError, get_observer, observer_names
-from shaftline.observers.base import code_of, is_plausible, pitch_is_known, remember
+from shaftline.observers.base import code_of
+from shaftline.observers.records import is_plausible, pitch_is_known, remember
 from shaftline.plant import Ship, load_ship
 
 from .screw import INERTIA, SHIP

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from shaftline.observers import variance_accounted_for, with_noise, with_noisy_readings
-from shaftline.observers.base import READINGS
+from shaftline.observers.records import READINGS
 
 
 def test_variance_accounted_for_by_hand() -> None:

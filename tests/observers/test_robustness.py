@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from shaftline.observers import follow, get_observer, observer_names, readings_of, update
-from shaftline.observers.base import ESTIMATE, Measurement
+from shaftline.observers.records import ESTIMATE, Measurement
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
 
 MEASURING = [name for name in observer_names() if name not in ("none", "oracle")]

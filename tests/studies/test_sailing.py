@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from shaftline.observers import follow, get_observer, observer_names, readings_of
-from shaftline.observers.base import ESTIMATE, OBSERVER
+from shaftline.observers.records import ESTIMATE, OBSERVER
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.observers.base import ESTIMATE, OBSERVER
+from shaftline.observers.records import ESTIMATE, OBSERVER
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, realise, simulate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.record import PLANT
