@@ -130,24 +130,30 @@ def needs_train(what: str) -> Iterator[None]:
 
 
 def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
-    """Print a table; floats rounded, missing ones as a dash."""
+    """Print a table; floats rounded, missing ones as a dash; words stay whole where there is room."""
     if (heard := told()) is not None:
         heard.tables[title] = frame.to_dict(orient="records")  # type: ignore[assignment]
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
-    for i, column in enumerate(frame.columns):
-        numeric = pd.api.types.is_numeric_dtype(frame[column])
-        table.add_column(
-            escape(str(column)),
-            justify="right" if numeric else "left",
-            no_wrap=i == 0,
-            overflow="fold",
-        )
 
     def cell(value: Any) -> str:
         if isinstance(value, float):
             return "–" if pd.isna(value) else f"{value:.{digits}f}"
-        return escape(str(value))
+        return str(value)
 
-    for row in frame.itertuples(index=False):
-        table.add_row(*(cell(value) for value in row))
+    texts = {str(name): [cell(value) for value in values] for name, values in frame.items()}
+    words = [max(map(len, " ".join([name, *cells]).split())) for name, cells in texts.items()]
+    spare = console.width - sum(words) - 3 * len(words) - 1  # beside the space between them
+    fits = spare >= 0
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+    for i, (name, longest) in enumerate(zip(texts, words, strict=True)):
+        more = min(max(map(len, [name, *texts[name]])) - longest, max(spare, 0))
+        table.add_column(
+            escape(name),
+            justify="right" if pd.api.types.is_numeric_dtype(frame.iloc[:, i]) else "left",
+            no_wrap=i == 0 and not fits,
+            width=longest + more if fits else None,
+            overflow="fold",
+        )
+        spare -= more
+    for row in zip(*texts.values(), strict=True):
+        table.add_row(*map(escape, row))
     console.print(table)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 
 import numba
+import pandas as pd
 import pytest
 
+from shaftline.cli import console
 from shaftline.cli.progress import EVERY_S, Log, loading, progress, stages, tell_compiling
 
 
@@ -68,3 +70,15 @@ def test_loading_is_told_where_it_lasts(capfd: pytest.CaptureFixture[str]) -> No
     with loading(patience_s=0.0):
         time.sleep(0.2)
     assert capfd.readouterr().err == "loading\n"
+
+
+@pytest.mark.parametrize("width", [48, 60, 200])
+def test_words_of_a_table_stay_whole_where_there_is_room(
+    width: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console.console, "width", width)
+    cells = {"from": ["resistance_factor [-]"], "to": ["shaft_speed [rad/s]"], "gain [-]": [1.5]}
+    console.print_table(pd.DataFrame(cells), "channels")
+    told = capfd.readouterr().out
+    assert {"resistance_factor", "shaft_speed", "[rad/s]", "1.50"} <= set(told.split())
+    assert max(map(len, told.splitlines())) <= width
