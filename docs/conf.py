@@ -1,8 +1,10 @@
 """The site: the pages of this folder, notebooks run, docstrings. ``make site`` builds it."""
 
 from importlib.metadata import version as installed
+from typing import Any
 
 project, author = "shaftline", "the shaftline developers"
+copyright = author
 version = release = installed("shaftline")
 extensions = [
     "myst_nb",
@@ -25,7 +27,9 @@ nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_merge_streams = True
 
-autodoc_default_options = {"members": True, "imported-members": True}
+autodoc_default_options = {
+    "members": True, "imported-members": True, "exclude-members": "model_config",
+}  # fmt: skip
 autodoc_member_order = "alphabetical"
 autodoc_typehints = "description"
 napoleon_google_docstring = True
@@ -43,3 +47,14 @@ html_sidebars = {
     ]
 }  # fmt: skip
 copybutton_exclude = ".linenos, .gp, .go"
+
+
+def unnumbered(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """A field of a named tuple stands there with its type; its number tells nobody anything."""
+    if lines and lines[0].startswith("Alias for field number"):
+        lines.clear()
+
+
+def setup(app: Any) -> None:
+    """What Sphinx calls."""
+    app.connect("autodoc-process-docstring", unnumbered)
