@@ -9,7 +9,7 @@ import pandas as pd
 import typer
 
 from .. import display
-from ..core.files import check_writable
+from ..core.files import check_writable, write_text
 from ..mismatch.recordings.survey import survey
 from ..plant import load_ship
 from .console import BelievedShip, ColumnMap, clear_errors, print_table, say
@@ -28,6 +28,12 @@ def check(
     ],
     ship: BelievedShip,
     columns: ColumnMap = None,
+    draft: Annotated[
+        Path | None,
+        typer.Option(
+            help="File (.toml, not there yet) for the column map to begin with.", show_default=False
+        ),
+    ] = None,
     figure: Annotated[
         Path | None,
         typer.Option(help="Picture of what was understood (.png).", show_default=False),
@@ -39,10 +45,10 @@ def check(
     range, its noise and its missing values; how the file was read and what was mended; what was left
     out; and for each measurement that is not there, what cannot be told without it. Where the recording
     cannot be used, the reason is said, with the line of the column map that mends it if there is one, a
-    column map to begin with is guessed where none was given, and the exit code is 2.
+    column map to begin with is guessed (`--draft` writes it), and the exit code is 2.
 
     Examples:
-        shaftline check voyage.csv --ship frigate
+        shaftline check voyage.csv --ship frigate --draft logger.toml
 
         shaftline check log.xlsx --ship mine.toml --columns logger.toml --figure log.png
     """
@@ -50,11 +56,20 @@ def check(
         if figure is not None:
             display.figures.check_picture(figure)
             check_writable(figure)
+        if draft is not None:
+            if draft.exists():
+                raise ValueError(f"{draft}: is there already; a draft replaces no map of yours")
+            check_writable(draft)
         vessel = load_ship(ship)
         found = survey(recording, vessel, columns)
         print_table(pd.DataFrame(found.table()), f"{recording} on {vessel.name}")
         for sentence in found.sentences():
             say(sentence)
+        if draft is not None and found.begin:
+            write_text(draft, "\n".join(found.begin) + "\n")
+            say(f"column map to complete: {draft}")
+        elif draft is not None:
+            say("no column map is needed, or nothing is known for one; none was written")
         if found.recording is None:
             raise typer.Exit(REFUSED)
         if figure is not None:

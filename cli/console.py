@@ -55,6 +55,23 @@ ColumnMap = Annotated[
 ]
 """``--columns`` of the same."""
 
+OwnHeight = Annotated[
+    float | None,
+    typer.Option("--hs", help="Significant height [m] of a sea of your own, with --tp."),
+]
+OwnPeriod = Annotated[float | None, typer.Option("--tp", help="Its peak period [s].")]
+
+
+def own_sea(height: float | None, period: float | None) -> list[str]:
+    """What ``--hs`` and ``--tp`` ask for, as ``--sea`` says it; nothing where neither is given.
+
+    Raises:
+        ValueError: one without the other.
+    """
+    if (height is None) != (period is None):
+        raise ValueError("a sea of your own needs both --hs and --tp [m, s]: --hs 3.2 --tp 9.1")
+    return [] if height is None else [f"hs={height!r},tp={period!r}"]
+
 
 def check_folder(out: Path) -> None:
     """Refuse a folder for results that is a file, or that cannot be written to.
@@ -143,7 +160,8 @@ def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
     words = [max(map(len, " ".join([name, *cells]).split())) for name, cells in texts.items()]
     spare = console.width - sum(words) - 3 * len(words) - 1  # beside the space between them
     fits = spare >= 0
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+    console.print(escape(title), style="italic", highlight=False)
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
     for i, (name, longest) in enumerate(zip(texts, words, strict=True)):
         more = min(max(map(len, [name, *texts[name]])) - longest, max(spare, 0))
         table.add_column(

@@ -13,7 +13,7 @@ from .. import display
 from ..agents.evaluation.controllers import known, label, load_controller
 from ..agents.evaluation.episodes import Setting
 from ..agents.evaluation.kpis import KPIS
-from ..agents.evaluation.page import distinct
+from ..agents.evaluation.page import distinct, zero_everywhere
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
 from ..baselines import Controller
 from ..core.sweep import check_backend
@@ -21,13 +21,23 @@ from ..envs import DEFAULTS, FrigateEnv, get_task, tasks
 from ..envs.settings import LONGEST_S
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
-from .console import Backend, check_folder, clear_errors, print_table, progress, say
+from .console import (
+    Backend,
+    OwnHeight,
+    OwnPeriod,
+    check_folder,
+    clear_errors,
+    own_sea,
+    print_table,
+    progress,
+    say,
+)  # fmt: skip
 from .machine import numbers
 
 _INTERVAL = DEFAULTS.control_interval_s
 _SHOWN = (
-    "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "rack_travel_mm_min", "overload_s",
-    "overspeed_s", "cavitation_s", "ventilation_s", "failed",
+    "reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "rack_travel_mm_min",
+    "overload_s", "overspeed_s", "cavitation_s", "ventilation_s", "failed",
 )  # fmt: skip
 
 
@@ -38,8 +48,15 @@ def evaluate(
     ],
     task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "transit",
     sea: Annotated[
-        list[str], typer.Option(help="Sea preset, or `task` for those of the task; repeatable.")
-    ] = ["task"],  # noqa: B006 (typer copies it)
+        list[str] | None,
+        typer.Option(
+            help="Sea: a preset, hs=3.2,tp=9.1 with gamma= and heading= where wanted, or task for "
+            "those of the task; repeatable.",
+            show_default="task",
+        ),
+    ] = None,
+    hs: OwnHeight = None,
+    tp: OwnPeriod = None,
     observer: Annotated[list[str], typer.Option(help="Observer, or `all` of them; repeatable.")] = [  # noqa: B006
         DEFAULTS.observer
     ],
@@ -95,14 +112,15 @@ def evaluate(
             observer = observer_names()
         for name in observer:
             get_observer(name)
-        for name in sea:
+        seas = [*(sea or ()), *own_sea(hs, tp)] or ["task"]
+        for name in seas:
             if name != "task":
                 get_sea(name)
         made: dict[str, Controller] = {}
         for text in controller:
             commander = load_controller(text, sailed, _INTERVAL)
             made[label(text)] = commander
-        grid = itertools.product(*map(dict.fromkeys, (made, sea, observer)))
+        grid = itertools.product(*map(dict.fromkeys, (made, seas, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]
 
         def make(setting: Setting) -> Controller:
@@ -115,8 +133,12 @@ def evaluate(
         title = f"{sailed.name}, {task}, {seeds} episodes of {episode_s:g} s"
         shown = distinct(found.table)
         varied = [c for c in ("controller", "sea", "observer") if shown[c].nunique() > 1]
-        print_table(shown[[*(varied or ["controller"]), *_SHOWN]], title)
-        say("\n".join(f"{name}: {KPIS[name]}" for name in _SHOWN))
+        zero = zero_everywhere(found.table, _SHOWN)
+        figures = [name for name in _SHOWN if name not in zero]
+        print_table(shown[[*(varied or ["controller"]), *figures]], title)
+        if zero:
+            say(f"zero everywhere: {', '.join(zero)}\n")
+        say("\n".join(f"{name}: {KPIS[name]}" for name in figures))
         numbers({"cells": found.table.to_dict(orient="records")})
         found.save(out, title, _SHOWN)
         lasts = {cell.controller: i for i, cell in enumerate(cells)}

@@ -18,7 +18,7 @@ from ..plant.recording import read_recording
 from ..plant.replay import simulate_recording
 from ..plant.signals import SIGNALS
 from ..studies.thesis.load_cases import CASES, NOISE_SNR_DB, get_case
-from .console import clear_errors, say
+from .console import OwnHeight, OwnPeriod, clear_errors, own_sea, say
 
 
 def simulate(
@@ -32,8 +32,15 @@ def simulate(
         str | None, typer.Option(help=f"Load case instead of a recording: {', '.join(CASES)}.")
     ] = None,
     sea: Annotated[
-        str | None, typer.Option(help="Sea preset (see `shaftline list`); calm, or the case's own.")
+        str | None,
+        typer.Option(
+            help="Sea: a preset (see `shaftline list`), calm, or hs=3.2,tp=9.1 with gamma= and "
+            "heading= where wanted.",
+            show_default="the case's own, or calm",
+        ),
     ] = None,
+    hs: OwnHeight = None,
+    tp: OwnPeriod = None,
     observer: Annotated[
         str | None, typer.Option(help="Observer whose estimate is added to the table.")
     ] = None,
@@ -55,6 +62,8 @@ def simulate(
     Examples:
         shaftline simulate --case jonswap --observer random-walk-kalman --figure run.png
 
+        shaftline simulate --ship my_ship.toml --case jonswap --hs 2.5 --tp 8 --out run.csv
+
         shaftline simulate --ship frigate --inputs voyage.csv --out simulated.csv
     """
     with clear_errors():
@@ -66,6 +75,10 @@ def simulate(
             check_writable(file)
         if figure is not None:
             display.figures.check_picture(figure)
+        if own := own_sea(hs, tp):
+            if sea is not None:
+                raise ValueError("give either --sea or --hs and --tp")
+            (sea,) = own
         vessel = load_ship(ship)
         if tuning is not None and observer is None:
             raise ValueError("--tuning belongs to an --observer")

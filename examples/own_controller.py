@@ -1,6 +1,6 @@
 """A controller of one's own beside the package's, without a line of the package changed.
 
-    shaftline evaluate --task rough-sea --controller combinator-trimmed \
+    shaftline evaluate --task acceleration --controller combinator \
         --controller examples.own_controller:Steady --out out/own
 
 Where a controller stands in an installed package, an entry point in the group `shaftline.controllers`

@@ -32,6 +32,16 @@ def distinct(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(observer=observers).drop_duplicates(["controller", "sea", "observer"])
 
 
+def zero_everywhere(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
+    """Columns that say nothing because they are 0 in every row.
+
+    Args:
+        table: as :func:`shaftline.agents.evaluation.sweeps.evaluate` makes it.
+        columns: to look at.
+    """
+    return [name for name in columns if (table[name] == 0.0).all()]
+
+
 def page(table: pd.DataFrame, title: str, columns: Sequence[str]) -> str:
     """The table with its intervals as Markdown, one section a sea.
 
@@ -40,7 +50,7 @@ def page(table: pd.DataFrame, title: str, columns: Sequence[str]) -> str:
         title: of the page.
         columns: KPIs to show; those that are zero in every row are named instead.
     """
-    zero = [name for name in columns if (table[name] == 0.0).all()]
+    zero = zero_everywhere(table, columns)
     shown = [name for name in columns if name not in zero]
     rows = distinct(table)
     cells = rows[["controller", "observer"]].copy()

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ...plant.columns import BOUNDS, COLUMNS, TIME, answered_columns, input_columns
+from ...plant.columns import BOUNDS, COLUMNS, answered_columns, input_columns
 from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
 from .columns import load_map
+from .first_map import first_map
 from .joint import refuse_few
 from .load import Recording, load_recording
 from .sources import Heard, Source
@@ -28,22 +29,6 @@ COSTS = {
     "yaw_rate_rad_s": "the turning moment is judged by the heading alone, or not at all",
 }
 """What cannot be told without a measured column."""
-
-
-_WORDS = {
-    "time_s": ("time", "date", "stamp", "clock"),
-    "fuel_rack_mm": ("fuel rack", "rack", "fuel index", "index"),
-    "motor_voltage_V": ("voltage",),
-    "pitch_ratio_command": ("pitch order", "pitch set", "pitch command", "pitch demand"),
-    "pitch_ratio": ("pitch", "p/d"),
-    "shaft_speed_rad_s": ("shaft speed", "rpm", "rev"),
-    "shaft_torque_N_m": ("torque",),
-    "thrust_N": ("thrust",),
-    "ship_speed_m_s": ("ship speed", "stw", "log", "speed through"),
-    "rudder_rad": ("rudder",),
-    "heading_rad": ("heading",),
-}  # fmt: skip
-"""What loggers call a column, the surest first; for a column map to begin with."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +62,8 @@ class Survey:
         absent: measured columns that the ship could answer and the file does not have, and the cost.
         recording: as it would be diagnosed; None where it is refused.
         refused: why, a line each.
-        units: that the file states, by name.
+        layout: how the file was read, where that is not plain.
+        begin: lines of a column map to begin with, where it is refused.
     """
 
     path: Path
@@ -85,7 +71,8 @@ class Survey:
     absent: dict[str, str]
     recording: Recording | None
     refused: str = ""
-    units: Mapping[str, str] = field(default_factory=dict)
+    layout: str = ""
+    begin: tuple[str, ...] = ()
 
     def sentences(self) -> Iterator[str]:
         """Everything besides the table of the columns."""
@@ -96,33 +83,19 @@ class Survey:
             )
             yield from (f"note: {said}" for said in found.warnings)
             yield from (f"limit: {said}" for said in found.limits)
+        elif self.layout:
+            yield f"note: read as a table with {self.layout}"
         left = [entry.name for entry in self.entries if not entry.column]
         if left:
             yield f"left out, as neither canonical nor in the column map: {', '.join(left)}"
         yield from (f"without {column}: {cost}" for column, cost in self.absent.items())
         if self.recording is None:
             yield from (f"refused: {line}" for line in self.refused.splitlines())
-            yield from self._map_to_begin_with()
+            if self.begin:
+                yield "a column map might begin so (--columns takes it):"
+            yield from self.begin
         else:
             yield "usable: `shaftline diagnose` takes it as it is"
-
-    def _map_to_begin_with(self) -> Iterator[str]:
-        """Lines of a column map, by the names of what is left out."""
-        taken = {entry.column for entry in self.entries}
-        lines: list[str] = []
-        for column, words in _WORDS.items():
-            fits = (
-                e.name for w in words for e in self.entries if not e.column and w in e.name.lower()
-            )
-            name = next((n for n in fits if not any(f'"{n}"' in line for line in lines)), None)
-            if name is None or column in taken:
-                continue
-            unit = "datetime" if column == TIME else self.units.get(name, "?")
-            unit = "percent of range" if unit == "%" else unit
-            lines.append(f'"{name}" = {{ column = "{column}", unit = "{unit}" }}')
-        if lines:
-            yield "a column map might begin so (a guess from the names; --columns takes it):"
-            yield from ("[columns]", *lines)
 
     def table(self) -> list[dict[str, Any]]:
         """A row a column, for a printed table or JSON."""
@@ -177,7 +150,14 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
         wanted = [c for c in wanted if c != "pitch_ratio"]
     absent = {c: COSTS[c] for c in wanted}
     absent |= {c: "the ship cannot be driven" for c in input_columns(ship) if c not in have}
-    return Survey(path, entries, absent, recording, refused, raw.attrs.get("units", {}))
+    layout = raw.attrs.get("layout")
+    begin: tuple[str, ...] = ()
+    if recording is None:
+        left = raw[[entry.name for entry in entries if not entry.column]]
+        begin = tuple(first_map(ship, left, raw.attrs.get("units", {}), have))
+    return Survey(
+        path, entries, absent, recording, refused, layout.words() if layout else "", begin
+    )
 
 
 def _entry(

@@ -26,7 +26,7 @@ def registry() -> Any:
     import pint
 
     units: Any = pint.UnitRegistry(cache_folder=None)
-    for spelling in ("newton_metre = newton * metre = Nm", "@alias knot = kn",
-                     "@alias revolutions_per_minute = RPM"):  # fmt: skip
+    for spelling in ("newton_metre = newton * metre = Nm", "newton_millimetre = 1e-3 newton_metre = Nmm",
+                     "@alias knot = kn", "@alias revolutions_per_minute = RPM"):  # fmt: skip
         units.define(spelling)
     return units

@@ -53,3 +53,17 @@ def test_diagnose_says_what_it_needs(shaftline: Command, tmp_path: Path) -> None
         found = shaftline(*line)
         assert found.exit_code == 2
         assert words in found.output
+
+
+def test_a_draft_of_the_column_map_is_written_once(shaftline: Command, tmp_path: Path) -> None:
+    draft = tmp_path / "map.toml"
+    ask = ["check", FOLDER / RECORDING, "--ship", "frigate"]
+    first = shaftline(*ask, "--draft", draft)
+    assert first.exit_code == 2
+    assert "column map to complete: " in first.output
+    assert shaftline(*ask, "--columns", draft).exit_code == 0
+    draft.write_text("mine")
+    again = shaftline(*ask, "--draft", draft)
+    assert again.exit_code == 2
+    assert "replaces no map of yours" in again.output
+    assert draft.read_text() == "mine"
