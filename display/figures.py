@@ -323,5 +323,5 @@ def controllers(traces: dict[str, pd.DataFrame], ship: Ship) -> Figure:
         axis.set_xlabel(x, fontsize=9)
         axis.set_ylabel(y, fontsize=9)
         axis.tick_params(labelsize=8)
-    speed.legend(fontsize=8, frameon=False)
+    figure.legend(loc="outside upper center", ncols=2, fontsize=8, frameon=False)
     return figure

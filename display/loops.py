@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ..plant.loops import Loop
+from ..plant.loops import Loop, Margins
 from .figures import PALETTE, THESIS, TRUTH, new_figure
 
 _LEAST_DB = -90.0  # below it nothing of a loop is worth a line
@@ -25,7 +25,7 @@ def loop_figure(
         asked: frequency below which |L| should exceed a gain, and that gain [dB]; none by default.
     """
     margins = loop.margins()
-    grid = _grid(loop, margins.crossover)
+    grid = _grid(loop, margins)
     response = loop.response(grid)
     figure, axes = new_figure(2, 2, (11.5, 7.0))
     figure.suptitle(title, fontsize=12)
@@ -46,7 +46,7 @@ def loop_figure(
     degrees += 360.0 * round((margins.phase_margin_deg - 180.0 - at) / 360.0)
     phase.semilogx(grid, degrees, color=PALETTE[1])
     phase.axhline(-180.0, color=THESIS, linewidth=0.7)
-    phase.set_ylim(max(degrees.min() - 10.0, -450.0), max(degrees.max(), -90.0) + 15.0)
+    phase.set_ylim(max(min(degrees.min(), -180.0) - 10.0, -450.0), max(degrees.max(), -90.0) + 15.0)
     phase.set_ylabel("phase of L [deg]")
     phase.set_xlabel(f"frequency [rad/{unit}]")
     if np.isfinite(margins.crossover):
@@ -77,12 +77,14 @@ def loop_figure(
     return figure
 
 
-def _grid(loop: Loop, crossover: float) -> NDArray[np.float64]:
-    """Two decades to either side of the crossover, as far as a loop with intervals has them."""
+def _grid(loop: Loop, margins: Margins) -> NDArray[np.float64]:
+    """Two decades to either side of the crossover and past the gain margin, as intervals allow."""
+    crossover, turn = margins.crossover, margins.phase_crossover
     if not np.isfinite(crossover):
         return loop.frequencies()
     top = np.pi / loop.interval if loop.interval else np.inf
-    return np.geomspace(crossover / 120.0, min(120.0 * crossover, top), 2000)
+    far = max(120.0 * crossover, 2.0 * turn if np.isfinite(turn) else 0.0)
+    return np.geomspace(crossover / 120.0, min(far, top), 2000)
 
 
 def _draw_step(axis: Axes, loop: Loop, unit: str) -> None:
