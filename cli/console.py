@@ -24,6 +24,9 @@ from .progress import errors
 from .progress import progress as progress
 from .progress import stages as stages
 
+MOST_SEEDS = 10_000
+"""Episodes of one cell or candidate: they are sailed at once, and take 100 kB each."""
+
 _LONGEST = 1000  # half of an error's line
 _PIPE_WIDTH = 180  # columns where the output is no terminal, so that no table is folded
 

@@ -22,6 +22,7 @@ from ..envs.settings import LONGEST_S
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
 from .console import (
+    MOST_SEEDS,
     Backend,
     OwnHeight,
     OwnPeriod,
@@ -66,7 +67,9 @@ def evaluate(
             help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
         ),
     ] = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Episodes; equal seeds meet equal seas.")] = 20,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=MOST_SEEDS, help="Episodes; equal seeds meet equal seas.")
+    ] = 20,
     episode_s: Annotated[
         float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
     ] = DEFAULTS.episode_s,

@@ -10,7 +10,7 @@ from ..baselines import controller_names
 from ..envs import DEFAULTS, get_task, tasks
 from ..envs.settings import LONGEST_S
 from ..observers import get_observer
-from .console import clear_errors, needs_train, say, stages
+from .console import MOST_SEEDS, clear_errors, needs_train, say, stages
 from .machine import numbers
 
 
@@ -29,7 +29,9 @@ def tune(
         ),
     ] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Generations of the search.")] = 40,
-    seeds: Annotated[int, typer.Option(min=1, help="Episodes that each candidate sails.")] = 24,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=MOST_SEEDS, help="Episodes that each candidate sails.")
+    ] = 24,
     episode_s: Annotated[
         float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
     ] = DEFAULTS.episode_s,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..baselines.controller import OBSERVED
 from ..baselines.governor import tune
 from ..baselines.steering import OBSERVED_STEERED
+from ..core.sizes import check_size
 from ..observers import get_observer
 from ..observers.records import ESTIMATE
 from ..plant import Ship, equilibrium, realise
@@ -30,6 +31,7 @@ from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
 from .settings import Begin, Settings, check_randomise, drawn, noise_of, seas_of
 from .tasks import get_task
 
+_BYTES_EACH = 1e5  # an environment with its sea, measured
 _FIELDS: Any = ENVIRONMENT.fields
 
 
@@ -128,6 +130,7 @@ class Batch:
     """
 
     def __init__(self, n: int, settings: Settings, steered: bool = False) -> None:
+        check_size(n, _BYTES_EACH, "environments at once")
         self.settings, self.steered = settings, steered
         self.task = get_task(settings.task)
         self.ship = self.task.sailed(settings.ship)

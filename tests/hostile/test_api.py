@@ -15,8 +15,13 @@ import pytest
 from shaftline.core.compiled import kernels_kept_in
 from shaftline.core.files import FileError, check_writable, write_text
 from shaftline.core.sizes import SizeError, check_size
-from shaftline.envs import FrigateEnv
+from shaftline.envs import FrigateEnv, FrigateVectorEnv
 from shaftline.plant import Schedule, State, load_ship, simulate
+
+
+def test_more_environments_than_memory_are_refused_at_once() -> None:
+    with pytest.raises(SizeError, match="1e\\+09 environments at once: at most 8e\\+04"):
+        FrigateVectorEnv(10**9)
 
 
 @pytest.mark.parametrize(

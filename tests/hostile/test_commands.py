@@ -158,6 +158,21 @@ def _rows() -> Iterator[tuple[str, str]]:
                           ("three.csv", "at least 10 are needed")):  # fmt: skip
         yield f"diagnose {option} --ship frigate --out di", words
     yield "check three.csv --ship frigate", "at least 40 are needed"
+    for place in ("/dev/null", "pipe.toml", "folder.toml", "/proc/x.toml", "file/x.toml"):
+        yield f"check ok.csv --ship frigate --draft {place}", place.split("/x")[0]
+    for sea, words in {
+        "--hs 2.5": "needs both --hs and --tp", "--tp 8": "needs both --hs and --tp",
+        "--hs nan --tp 8": "significant wave height", "--hs -1 --tp 8": "significant wave height",
+        "--hs 99 --tp 8": "significant wave height", "--hs 2 --tp inf": "peak period",
+    }.items():  # fmt: skip
+        yield f"simulate --case jonswap {sea} --out o.csv", words
+        yield f"evaluate --controller combinator --seeds 1 --out e {sea}", words
+    for command in (
+        "evaluate --controller combinator --out ev",
+        "tune --controller va-pitch",
+    ):
+        yield f"{command} --seeds 1000000000", "equal to 10000"
+    yield "simulate --case jonswap --hs 2 --tp 8 --sea calm --out o.csv", "give either --sea or"
     yield "linearise --speed 8 --pitch 99 --out li", "P/D from 0.6 to 1.4"
     for law in ("1e400/1", "1/0", ",/,", "nan/1"):
         yield f"loop {law} --out lo", "must be numerator/denominator"
