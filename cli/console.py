@@ -28,6 +28,7 @@ MOST_SEEDS = 10_000
 """Episodes of one cell or candidate: they are sailed at once, and take 100 kB each."""
 
 _LONGEST = 1000  # half of an error's line
+_LARGE = 1e9  # from which a number in a table is written with an exponent
 _PIPE_WIDTH = 180  # columns where the output is no terminal, so that no table is folded
 
 console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH, emoji=False)
@@ -76,12 +77,24 @@ def own_sea(height: float | None, period: float | None) -> list[str]:
     return [] if height is None else [f"hs={height!r},tp={period!r}"]
 
 
-def check_folder(out: Path) -> None:
-    """Refuse a folder for results that is a file, or that cannot be written to.
+def check_folder(out: Path, ship: str = "", result: str = "") -> None:
+    """Refuse a folder for results that is a file, that cannot be written to, or that holds the ship.
+
+    Args:
+        out: the folder.
+        ship: that the command reads, where it writes one as well.
+        result: name of the one that it writes.
 
     Raises:
         ValueError: names it.
     """
+    if (
+        ship
+        and result
+        and Path(ship).is_file()
+        and Path(ship).resolve() == (out / result).resolve()
+    ):
+        raise ValueError(f"--out {out}: --ship {ship} would be replaced; give another folder")
     if out.exists() and not out.is_dir():
         raise ValueError(f"--out {out}: is a file; a folder is needed")
     check_writable(out, folder=True)
@@ -156,7 +169,9 @@ def print_table(frame: pd.DataFrame, title: str, digits: int = 2) -> None:
 
     def cell(value: Any) -> str:
         if isinstance(value, float):
-            return "–" if pd.isna(value) else f"{value:.{digits}f}"
+            if pd.isna(value):
+                return "–"
+            return f"{value:.{digits}f}" if abs(value) < _LARGE else f"{value:.4g}"
         return str(value)
 
     texts = {str(name): [cell(value) for value in values] for name, values in frame.items()}

@@ -194,7 +194,7 @@ def diagnose(
                 f"{missing} is needed: shaftline diagnose RECORDING --ship SHIP --out FOLDER; "
                 "`shaftline diagnose --example` shows how"
             )
-        check_folder(out)
+        check_folder(out, ship, SHIP)
         vessel = load_ship(ship)
         keys = tuple(key.strip() for key in free.split(",") if key.strip())
         options = Options(

@@ -77,7 +77,7 @@ def identify(
             --free hull.resistance_coefficient_N_s2_m2,transmission.inertia_engine_side_kg_m2
     """
     with clear_errors():
-        check_folder(out)
+        check_folder(out, ship, SHIP)
         vessel = load_ship(ship)
         keys = [key.strip() for key in free.split(",") if key.strip()]
         with stages("identifying") as tick:

@@ -10,8 +10,9 @@ import functools
 import inspect
 import json
 import math
+import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -28,6 +29,9 @@ Json = Annotated[
 ]
 
 _STANDARD = Path("-")
+
+RESULTS = ("out", "figure", "json", "draft", "markdown")
+"""Options that name a file to be written."""
 
 
 class Told:
@@ -82,25 +86,53 @@ def plain(value: Any) -> Any:
 
 
 def with_json(function: Callable[..., None]) -> Callable[..., None]:
-    """A command with ``--json``, where it has none of its own.
+    """A command with ``--json``, where it has none of its own, that replaces nothing that it reads.
 
     Args:
         function: the command.
     """
     signature = inspect.signature(function, eval_str=True)
-    if "json" in signature.parameters:
-        return function
+    own = "json" in signature.parameters
 
     @functools.wraps(function)
-    def run(*arguments: Any, json: Path | None = None, **options: Any) -> None:
-        with _telling(json):
-            function(*arguments, **options)
+    def run(**given: Any) -> None:
+        _keep_what_is_read(given)
+        if own:
+            function(**given)
+        else:
+            with _telling(given.pop("json", None)):
+                function(**given)
 
+    if own:
+        return run
     extra = inspect.Parameter("json", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Json)
     whole = signature.replace(parameters=[*signature.parameters.values(), extra])
     run.__signature__ = whole  # type: ignore[attr-defined]
     run.__annotations__ = {name: one.annotation for name, one in whole.parameters.items()}
     return run
+
+
+def _keep_what_is_read(given: Mapping[str, Any]) -> None:
+    """Refuse a file for results that is one of those that the command reads."""
+    from .console import clear_errors
+
+    with clear_errors():
+        for name in (name for name in RESULTS if isinstance(given.get(name), Path)):
+            for other, values in given.items():
+                for value in values if isinstance(values, list | tuple) else (values,):
+                    read = other not in RESULTS and isinstance(value, str | Path)
+                    if read and _same_file(given[name], value):
+                        raise ValueError(
+                            f"--{name} {given[name]}: is read as {other.replace('_', '-')} and would "
+                            "be replaced; give another file"
+                        )
+
+
+def _same_file(path: Path, other: str | Path) -> bool:
+    try:
+        return path.is_file() and os.path.samefile(path, other)
+    except (OSError, ValueError):  # no file, or a name that none can have
+        return False
 
 
 @contextmanager

@@ -118,4 +118,8 @@ def main() -> None:
             stream.reconfigure(
                 errors="replace"
             )  # where it knows ASCII only, a dash is a question mark
+    try:
+        Path.cwd()
+    except OSError:  # removed while the shell stood in it; half of what is imported asks for it
+        sys.exit("error: the folder in which this was called does not exist any more")
     app()

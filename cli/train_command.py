@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +9,7 @@ import pandas as pd
 import typer
 
 from ..agents import load_policy
+from ..core.files import read_json
 from ..envs import DEFAULTS, get_task
 from ..observers import get_observer
 from .console import check_folder, clear_errors, needs_train, print_table, say, stages
@@ -131,7 +131,7 @@ def _learning() -> tuple[Any, Any]:
 
 def _legs(folder: Path) -> int:
     note = folder / "curve.json"
-    return len(json.loads(note.read_text(encoding="utf-8"))) if note.is_file() else 0
+    return len(read_json(note)) if note.is_file() else 0
 
 
 def _print(path: Path, folder: Path, task: str, observer: str) -> None:

@@ -85,6 +85,13 @@ def kernels_kept_in(beside: Path, home: Path, temporary: Path) -> Path | None:
 
 
 _settings: Any = numba.config
+if _settings.DISABLE_JIT:  # a ship's record has its fields as attributes in compiled code only
+    _settings.DISABLE_JIT = 0
+    warnings.warn(
+        "NUMBA_DISABLE_JIT is set, but the equations run compiled only; it is not heeded",
+        RuntimeWarning,
+        stacklevel=1,
+    )
 _appdirs: Any = AppDirs
 if not _settings.CACHE_DIR:  # what the user has set goes before
     _kept = kernels_kept_in(

@@ -13,6 +13,9 @@ from typing import Any
 LARGEST_TEXT = 20_000_000
 """Of a file of settings: a ship, a column map, a recipe [bytes]."""
 
+LARGEST_RESULT = 1_000_000_000
+"""Of a file of results that we wrote [bytes]."""
+
 
 class FileError(ValueError):
     """A file that cannot be read or written; the message names it."""
@@ -103,6 +106,20 @@ def toml_of(text: str, source: str) -> dict[str, Any]:
 def read_toml(path: Path) -> dict[str, Any]:
     """A TOML file as a tree; raises as :func:`read_text` and :func:`toml_of`."""
     return toml_of(read_text(path), str(path))
+
+
+def read_json(path: Path) -> Any:
+    """What a JSON file of one of our own folders holds.
+
+    Raises:
+        FileError: it cannot be read, or is damaged.
+    """
+    try:
+        return json.loads(read_text(path, LARGEST_RESULT))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"{path}: damaged, no valid JSON ({error}); remove it") from None
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:

@@ -24,7 +24,7 @@ import joblib
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
-from .files import write_text
+from .files import read_json, write_text
 
 BACKENDS = ("processes", "dask")
 
@@ -95,7 +95,7 @@ def sweep(
         raise SweepError(
             f"{len(failed)} of {len(cells)} cells failed, the others are kept in {folder}; {first}"
         )
-    return {name: json.loads(path.read_text(encoding="utf-8")) for name, path in paths.items()}
+    return {name: read_json(path) for name, path in paths.items()}
 
 
 def _watched(home: int) -> None:
@@ -251,7 +251,7 @@ def refuse_another(folder: Path, note: Path, plan: Mapping[str, Any], what: str)
     """
     if not note.is_file():
         return
-    kept = json.loads(note.read_text(encoding="utf-8"))
+    kept = read_json(note)
     for key, value in json.loads(json.dumps(plan)).items():
         if kept.get(key) != value:
             both = "" if isinstance(value, dict) else f" ({kept.get(key)}, now {value})"

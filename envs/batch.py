@@ -130,6 +130,8 @@ class Batch:
     """
 
     def __init__(self, n: int, settings: Settings, steered: bool = False) -> None:
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+            raise ValueError(f"{n!r} environments: a whole number from 1 is needed")
         check_size(n, _BYTES_EACH, "environments at once")
         self.settings, self.steered = settings, steered
         self.task = get_task(settings.task)

@@ -13,7 +13,8 @@ from .pipeline import diagnose
 from .recordings import Recording, fetch, load_recording
 from .recordings.survey import Survey, survey
 from .report.index import DiagnosisIndex
-from .search.catalogue import Effect, Parameter, catalogue
+from .search.catalogue import catalogue
+from .search.effect import Effect, Parameter
 
 __all__ = [
     "Diagnosis",

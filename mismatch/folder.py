@@ -13,7 +13,7 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-from ..core.files import write_text
+from ..core.files import read_json, write_text
 from ..core.sweep import source_digest, sweep
 from ..plant.recording import PARQUET, SHEETS, read_table
 from ..plant.ship import Ship
@@ -112,7 +112,7 @@ def diagnose_folder(
         for place, name in list(waiting.items()):
             kept = out / "cells" / f"{name}.json"
             if kept.is_file():
-                result = json.loads(kept.read_text(encoding="utf-8"))
+                result = read_json(kept)
                 rows[place] = _laid_out(place, files[place], result, out)
                 del waiting[place]
 

@@ -17,7 +17,7 @@ from .judge.held_out import Segments, bands_of, set_aside
 from .judge.whiteness import Whiteness
 from .recordings.joint import JointRecordings
 from .search.band import catalogue_hertz, rows_averaged
-from .search.catalogue import Effect
+from .search.effect import Effect
 from .search.fitting import Fitter
 from .search.selection import TELL_APART, Selection
 from .simulate.balances import Balances

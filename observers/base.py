@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -84,8 +85,10 @@ class Observer(ABC):
             dt: sample time [s].
 
         Raises:
-            ObserverError: the ship lacks what this observer needs.
+            ObserverError: the ship lacks what this observer needs, or the sample time is none.
         """
+        if not 0.0 < dt < math.inf:
+            raise ObserverError(f"dt = {dt}: the sample time must be positive [s]")
         if not ship.has_propeller:
             raise ObserverError(
                 f"{ship.name}: the observer {self.name!r} needs a propeller, whose inflow it "

@@ -17,8 +17,11 @@ def variance_accounted_for(truth: Floats, estimate: Floats) -> float:
     Args:
         truth: shape (n,).
         estimate: likewise, in the same unit.
+
+    Returns:
+        NaN where either holds one.
     """
-    return max(0.0, 1.0 - float(np.var(truth - estimate) / np.var(truth))) * 100.0
+    return max(1.0 - float(np.var(truth - estimate) / np.var(truth)), 0.0) * 100.0  # NaN stays
 
 
 def with_noisy_readings(table: pd.DataFrame, snr_db: float, seed: int) -> pd.DataFrame:

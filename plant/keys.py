@@ -7,12 +7,25 @@ is an effect that a ship may or may not have, and the name of its field in the k
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
 
 INF = math.inf
+
+
+def _in_print(text: str) -> str:
+    if not text.isprintable():  # a terminal would obey the rest
+        raise ValueError("holds signs that cannot be printed")
+    return text
+
+
+Label: TypeAlias = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_in_print)]
+"""A name that is shown."""
+
+Line: TypeAlias = Annotated[str, Field(max_length=1000), AfterValidator(_in_print)]
+"""A sentence or two that are shown."""
 
 
 LACKING = {

@@ -29,6 +29,8 @@ INPUTS = {
 STEERED = {**INPUTS, "rudder_command": "rudder_command"}
 """Those of a ship that turns."""
 
+_STEEPEST = 1e50  # derivative beyond which poles cannot be told in double precision
+
 
 def linearise(
     ship: Ship,
@@ -52,7 +54,7 @@ def linearise(
     steps (Squire & Trapp 1998); they equal the thesis's eqs. 2-22 to 2-38 on the frigate.
 
     Raises:
-        ValueError: an output that does not exist.
+        ValueError: an output that does not exist, or numbers of a ship too extreme to be derived.
     """
     plant = ship.record()
     states = active_states(plant)
@@ -60,9 +62,16 @@ def linearise(
     found = tangent(
         plant, point.state, point.inputs, point.outputs.pitch_ratio, states, outputs, by
     )
+    if not all((np.abs(part) < _STEEPEST).all() for part in found):
+        raise ValueError(
+            f"{ship.name}: no linear model, for its equations are all but vertical here; is a mass, an "
+            "inertia or a time constant of its file many orders too small?"
+        )
     return control.ss(
         found.a, found.b, found.c, found.d,
-        states=states, inputs=list(by), outputs=list(outputs), name=ship.name,
+        states=states, inputs=list(by), outputs=list(outputs),
+        name=ship.name.replace(".", " "),  # where python-control has a dot, a name parts
+
     )  # fmt: skip
 
 

@@ -112,6 +112,7 @@ def as_numbers(
     for column in (c for c in table.columns if c in units):
         numbers = pd.to_numeric(table[column], errors="coerce").astype(float)
         bad = ~np.isfinite(numbers.to_numpy())
+        bad |= pd.api.types.is_bool_dtype(table[column])  # a switch is no measurement
         if bad.any():
             row = int(np.argmax(bad))
             given = table[column].iloc[row]

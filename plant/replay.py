@@ -81,8 +81,8 @@ class Replay:
         line: whether demands are straight lines between rows instead of held.
 
     Raises:
-        RecordingError: no state to start from, or a measured inflow at a hull that moves without a ship
-            speed beside it.
+        RecordingError: a column that is missing or not finite, no state to start from, or a measured
+            inflow at a hull that moves without a ship speed beside it.
         ShipError: a delay or motor that does not fit the time step, or a term hears a signal of which
             the recording has no column.
     """
@@ -94,6 +94,8 @@ class Replay:
         self.table = table
         time = self._column(TIME)
         self.rows = len(time)
+        if self.rows < 2 or not (np.diff(time) > 0.0).all():
+            raise RecordingError(f"{TIME}: at least two rows are needed, and time must rise")
         self.interval_s = float((time[-1] - time[0]) / (self.rows - 1))
         self.time_s = time - time[0]
         self.per_row = max(1, math.ceil(self.interval_s / ship.time_step_s - 1e-9))
@@ -136,8 +138,15 @@ class Replay:
         self.signals = ship.outside_rows({n: self._continuous(self._column(n)) for n in heard})
         self._still = np.zeros(2 * len(self.drive) + 1)
 
-    def _column(self, name: str) -> NDArray[np.float64]:
-        return np.asarray(self.table[name], dtype=np.float64)
+    def _column(self, name: str, count: int | None = None) -> NDArray[np.float64]:
+        """The first values of a column, all by default; what follows them is not looked at."""
+        if name not in self.table:
+            raise RecordingError(f"column {name!r} is missing; found: {', '.join(self.table)}")
+        values = np.asarray(self.table[name], dtype=np.float64)[:count]
+        if not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values)))
+            raise RecordingError(f"{name}, row {row + 1}: {values[row]} is not a finite number")
+        return values
 
     def _held(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.ascontiguousarray(np.repeat(rows[:-1], self.per_row))
@@ -165,7 +174,7 @@ class Replay:
 
     def _first_state(self, count: int) -> tuple[float, float, float]:
         """Pitch ratio, shaft speed and ship speed to start from, from some rows."""
-        first = {c: float(self._column(c)[:count].mean()) for c in _START if c in self.table}
+        first = {c: float(self._column(c, count).mean()) for c in _START if c in self.table}
         if SHAFT_ANGLE in self.table:
             first = {SHAFT_SPEED: self._turning(max(count, 3))[1]} | first
         if not self.ship.moves:
@@ -176,7 +185,7 @@ class Replay:
             first["pitch_ratio"] = self.ship.propeller.pitch_ratio_max
         if len(first) < len(_START):
             try:
-                heard = {n: float(self._column(n)[0]) for n in self.ship.hears}
+                heard = {n: float(self._column(n, 1)[0]) for n in self.ship.hears}
                 state = equilibrium(
                     self.ship, float(self.drive[0]), float(self.pitch[0]), signals=heard
                 ).state
@@ -206,7 +215,7 @@ class Replay:
 
     def _at_first(self, column: str, count: int) -> float:
         """A column's value at the first row, by a line through some: a turn may have begun."""
-        values = self._column(column)[:count]
+        values = self._column(column, count)
         if count < 3:
             return float(values.mean())
         line = np.polynomial.Polynomial.fit(self.time_s[:count], values, 1)
@@ -214,7 +223,7 @@ class Replay:
 
     def _turning(self, count: int) -> tuple[float, float]:
         """Angle [rad] and speed [rad/s] of the shaft at the first row, by a parabola through some."""
-        angle = self._column(SHAFT_ANGLE)[:count]
+        angle = self._column(SHAFT_ANGLE, count)
         degree = min(2, len(angle) - 1)
         found = np.polynomial.Polynomial.fit(
             self.time_s[:count], angle - angle[0], degree, domain=[0.0, 1.0], window=[0.0, 1.0]

@@ -18,6 +18,8 @@ from .hull import Hull
 from .keys import (
     LACKING,
     KeyInfo,
+    Label,
+    Line,
     Number,
     Section,
     info_of,
@@ -47,8 +49,8 @@ class Ship(Section):
     Use :func:`load_ship` to get one, :meth:`with_values` to vary it, :meth:`record` for the kernels.
     """
 
-    name: str
-    description: str = ""
+    name: Label
+    description: Line = ""
     water: Water = Water()
     hull: Hull
     manoeuvring: Manoeuvring = Manoeuvring()

@@ -205,11 +205,13 @@ def simulate(
     Raises:
         ShipError: the ship's delays or its motor do not fit the time step, or a term hears a signal
             that the schedule does not have.
-        ValueError: an input is not finite.
+        ValueError: an input is not finite, the duration not positive, or the state leaves all bounds.
     """
     if dt is not None and dt != ship.time_step_s:
         ship = ship.with_values({"integration.time_step_s": dt})
     dt = ship.time_step_s
+    if not duration_s > 0.0:
+        raise ValueError(f"duration_s = {duration_s}: must be a positive number of seconds")
     steps = max(1, math.ceil(duration_s / dt - 1e-9))
     check_size(steps, SAMPLE.itemsize + 40.0, f"time steps of {dt:g} s in {duration_s:g} s")
     grid = np.arange(steps, dtype=np.float64) * dt
@@ -221,6 +223,8 @@ def simulate(
     }
     state = np.zeros(1, STATE)
     state[0] = tuple(float(value) for value in initial)
+    if not np.isfinite(state.tolist()).all():
+        raise ValueError(f"initial holds a value that is not finite: {initial}")
     samples = np.zeros(steps + 1, SAMPLE)
     trajectory(
         ship.record(),
@@ -237,4 +241,10 @@ def simulate(
         dt,
         samples,
     )
+    if not np.isfinite(samples["shaft_speed"][-1]):
+        lost = int(np.argmin(np.isfinite(samples["shaft_speed"]))) * dt
+        raise ValueError(
+            f"{ship.name}: the state left all bounds before {lost:.4g} s; is the initial state, a "
+            "demand or a number of the ship many orders too large?"
+        )
     return samples

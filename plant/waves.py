@@ -90,7 +90,12 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
         SEA record of 64 components between 0.55 and 4.5 times the peak frequency, one at a random
         place in each of 64 bands that widen with frequency (so the sea does not repeat itself),
         scaled so that their energy is exactly Hs^2 / 16.
+
+    Raises:
+        ValueError: a depth that is none.
     """
+    if not 0.0 <= depth_m < math.inf:
+        raise ValueError(f"depth_m = {depth_m}: must be 0 or more [m], below the surface")
     record = np.zeros(1, SEA)[0]
     if sea.hs_m == 0.0:
         return record

@@ -16,7 +16,7 @@ from typing import Any
 
 import pandas as pd
 
-from ..core.files import write_atomically, write_json, write_text
+from ..core.files import read_json, write_atomically, write_json, write_text
 from ..display.tables import markdown
 from .cases import Case, draw_case, sealed
 from .recording import Reality, make
@@ -42,7 +42,7 @@ def _report(name: str, diagnose: Diagnose, place: Path, ship: str, case: Case) -
     """The report of one tool: kept if it is there, else made; a crash is a report, too."""
     path = place / ("report.json" if name == TOOL else f"report-{name}.json")
     if path.exists():
-        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        kept: dict[str, Any] = read_json(path)
         return kept
     begin = time.perf_counter()
     try:
@@ -100,7 +100,7 @@ def run_case(
     place = case_folder(folder, case)
     done = place / "score.json"
     if done.exists():
-        rows: list[dict[str, Any]] = json.loads(done.read_text(encoding="utf-8"))
+        rows: list[dict[str, Any]] = read_json(done)
         return rows
     reality = make(case)
     before = place / "sealed.sha256"
@@ -121,7 +121,7 @@ def run_case(
 
 def verify(place: Path) -> bool:
     """Whether a finished case's truth is the one that was sealed."""
-    truth = json.loads((place / "truth.json").read_text(encoding="utf-8"))
+    truth = read_json(place / "truth.json")
     return (place / "sealed.sha256").read_text(encoding="utf-8").strip() == sealed(truth)
 
 
@@ -172,7 +172,7 @@ def scores(folder: Path) -> dict[str, pd.DataFrame]:
     """
     rows: list[dict[str, Any]] = []
     for file in sorted(folder.glob("case-*/score.json")):
-        rows += json.loads(file.read_text(encoding="utf-8"))
+        rows += read_json(file)
     if not rows:
         raise FileNotFoundError(f"{folder}: no finished case")
     return tables_of(table_of(rows))

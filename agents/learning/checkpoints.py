@@ -6,7 +6,6 @@ code of theirs.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
 from ...core.archives import packed, read_archive, unpacked, write_archive
-from ...core.files import write_json
+from ...core.files import read_json, write_json
 from ..policy.policy import Policy, load_policy
 
 
@@ -32,7 +31,7 @@ class Checkpoints:
         self._note = folder / "curve.json"
         self.legs: list[dict[str, float]] = []
         if self._note.is_file():
-            self.legs = json.loads(self._note.read_text(encoding="utf-8"))
+            self.legs = read_json(self._note)
 
     def _at(self, kind: str) -> Path:
         return self.folder / "checkpoints" / f"{kind}-{len(self.legs):02d}"

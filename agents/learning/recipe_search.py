@@ -8,7 +8,6 @@ it was and the best are both trained on seeds, and judged on seas, that decided 
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable, Mapping
 from copy import deepcopy
@@ -20,7 +19,7 @@ import numpy as np
 import optuna
 import yaml
 
-from ...core.files import write_json, write_text
+from ...core.files import read_json, write_json, write_text
 from ...core.sweep import digest_of, refuse_another
 from ...plant import load_ship
 from ..policy.policy import load_policy
@@ -215,7 +214,7 @@ def search_recipe(
     }  # fmt: skip
     note = folder / "search.json"
     refuse_another(folder, note, plan, "search")
-    rows = json.loads(note.read_text(encoding="utf-8"))["trials"] if note.is_file() else []
+    rows = read_json(note)["trials"] if note.is_file() else []
     done = [Trial(**row) for row in rows]
     count = max(trials, len(done))
     total = (count * seeds + 2 * fresh) * recipe.n_timesteps

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,9 @@ class Network:
         activation: ``tanh`` or ``relu`` between the layers.
         squashed: whether a tanh stands behind the last layer.
         log_deviation: of the answers' noise in training, shape (2,).
+
+    Raises:
+        ValueError: the layers do not fit together, or hold what is no finite number.
     """
 
     mean: NDArray[np.float64]
@@ -82,6 +86,23 @@ class Network:
     activation: str
     squashed: bool
     log_deviation: NDArray[np.float32]
+
+    def __post_init__(self) -> None:  # noqa: D105 (dataclasses' hook)
+        stored = (self.mean, self.deviation, self.log_deviation)
+        arrays: list[NDArray[Any]] = [*self.weights, *self.biases, *stored]
+        if not self.weights or any(array.dtype.kind != "f" for array in arrays):
+            raise ValueError("layers of real numbers are needed")
+        widths = [len(self.mean), *(len(bias) for bias in self.biases)]
+        shapes = [(out, into) for into, out in pairwise(widths)]
+        if [weight.shape for weight in self.weights] != shapes or widths[-1] != len(ANSWERS):
+            raise ValueError("its layers do not fit together")
+        if [array.shape for array in stored] != [(widths[0],), (widths[0],), (widths[-1],)]:
+            raise ValueError("its normalisation does not fit its layers")
+        finite = (array for array in arrays if array is not self.deviation)
+        if not (all(np.isfinite(a).all() for a in finite) and (self.deviation > 0.0).all()):
+            raise ValueError("a weight is not finite")
+        if not self.clip > 0.0 or self.activation not in _ACTIVATIONS:
+            raise ValueError(f"clip = {self.clip}, activation = {self.activation!r}")
 
     def __call__(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Mean answers, shape (n, 2)."""
@@ -121,6 +142,10 @@ class Policy(Controller):
             raise PolicyError("this policy does not fit: " + "; ".join(said))
         super().__init__(vessel, float(about["control_interval_s"]))
         self.adapter = Residual(vessel, self.interval_s, form)
+        if len(network.mean) != len(form.features):
+            raise PolicyError(
+                f"it hears {len(network.mean)} features, where its form has {len(form.features)}"
+            )
 
     def fresh(self, seen: Readings) -> NDArray[np.float64]:
         """Memory of what is seen for the first time."""
@@ -213,3 +238,7 @@ def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
         return Policy(network, about, ship, about.get("curve"))
     except PolicyError as error:
         raise PolicyError(f"{path}: {error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise PolicyError(
+            f"{path}: not a policy file ({error!r} in what it was made for)"
+        ) from None

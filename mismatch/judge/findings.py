@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate import Estimate
-from ..search.catalogue import Effect
+from ..search.effect import Effect
 from ..search.fitting import Fit, Fitter
 from ..search.placed import Placed, Window
 from ..search.selection import Candidate, Selection

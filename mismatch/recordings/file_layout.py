@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import codecs
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 
 class FileLayout(BaseModel):
@@ -32,7 +31,15 @@ class FileLayout(BaseModel):
     @classmethod
     def _encoding(cls, value: str | None) -> str | None:
         try:
-            codecs.lookup(value or "utf-8")
+            "".encode(value or "utf-8")  # refuses what turns bytes into bytes, as zip does
         except LookupError:
             raise ValueError(f"{value!r} is unknown (utf-8, utf-16, cp1252, ...)") from None
         return value
+
+    @model_validator(mode="after")
+    def _one_meaning(self) -> FileLayout:
+        if self.separator is not None and self.separator == self.decimal:
+            raise ValueError(
+                f"separator and decimal are both {self.separator!r}; one of them is not"
+            )
+        return self

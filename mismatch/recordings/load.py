@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from ...plant.columns import (
     BOUNDS,
     COLUMNS,
+    HEADING,
     SHAFT_ANGLE,
     SHAFT_SPEED,
     TIME,
+    answered_columns,
     foreign_columns,
     input_columns,
 )
@@ -33,7 +35,8 @@ from .checks import (
 )
 from .columns import load_map
 from .noise import Noise, describe
-from .slips import impossible_demands, ranges_of
+from .slips import demands, impossible_demands, ranges_of
+from .spikes import without_spikes
 from .time_base import filled, on_even_time, spread
 from .yardstick import Yardstick
 
@@ -135,11 +138,14 @@ def load_recording(
     for even in (spread, on_even_time):
         numbers, mended = even(path, numbers)
         warnings += mended
-    table = numbers
+    orders = {*demands(ship, numbers), SHAFT_ANGLE, HEADING}  # an angle may begin anew
+    measured = [c for c in answered_columns(ship) if c in numbers and c not in orders]
+    table, mended = without_spikes(path, numbers, measured)
+    warnings += mended
     refuse_wrapped(path, table)
     interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
     _refuse_slips(path, table, interval, ship)
-    check_bounds(path, numbers)
+    check_bounds(path, table)
     noise = {
         c: describe(table[c].to_numpy(), interval) for c in table if c != TIME and c not in heard
     }

@@ -65,7 +65,7 @@ def white_rms(values: NDArray[Any]) -> float:
     """Rms of the white part of (n,) samples; 0 with fewer than 16."""
     if len(values) < _FEWEST:
         return 0.0
-    differences = np.diff(values, ORDER)
+    differences = _differences(values)
     scale = _MAD_TO_RMS * float(np.median(np.abs(differences)))
     if scale == 0.0:  # more than half do not move at all: coarse quantisation
         return float(np.sqrt(np.mean(differences**2))) / _GAIN if _toggles(values) else 0.0
@@ -75,6 +75,35 @@ def white_rms(values: NDArray[Any]) -> float:
         if abs(scale - before) <= 1e-3 * before:
             break
     return scale / _GAIN
+
+
+def _differences(values: NDArray[Any]) -> NDArray[np.float64]:
+    """Differences of that order, without long rests where a channel toggles outside them.
+
+    A stopped sensor has no noise; an order that moves now and then has none anywhere.
+    """
+    first, lengths = _rests(values)
+    odd = _odd(lengths)
+    if not odd.any():
+        return np.diff(values, ORDER)
+    ends = np.concatenate([[0], (first + lengths)[odd]])
+    begins = np.concatenate([first[odd], [len(values)]])
+    moving = [values[a:b] for a, b in zip(ends, begins, strict=True) if b - a >= _FEWEST]
+    if not moving or not _toggles(np.concatenate(moving)):
+        return np.diff(values, ORDER)
+    return np.concatenate([np.diff(part, ORDER) for part in moving])
+
+
+def _rests(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First sample and length of every run of equal values."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
+    return edges[:-1], np.diff(edges)
+
+
+def _odd(lengths: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which runs are longer than a channel that moves at all ever rests."""
+    odd: NDArray[np.bool_] = lengths >= _ODD_REST * max(1.0, float(np.median(lengths)))
+    return odd
 
 
 def quantisation(values: NDArray[Any]) -> float:
@@ -118,11 +147,9 @@ def frozen(values: NDArray[Any], noise: Noise) -> tuple[int, int]:
     """First sample and length of the longest rest of a noisy channel; (0, 0) if none is odd."""
     if _is_still(values, noise):
         return 0, 0
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
-    lengths = np.diff(edges)
+    first, lengths = _rests(values)
     longest = int(np.argmax(lengths))
-    odd = lengths[longest] >= _ODD_REST * max(1.0, float(np.median(lengths)))
-    return (int(edges[longest]), int(lengths[longest])) if odd else (0, 0)
+    return (int(first[longest]), int(lengths[longest])) if _odd(lengths)[longest] else (0, 0)
 
 
 def _is_still(values: NDArray[Any], noise: Noise) -> bool:

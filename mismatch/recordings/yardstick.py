@@ -21,6 +21,7 @@ from ...plant.columns import BOUNDS, HEADING, SHAFT_ANGLE, SHAFT_SPEED, TIME, dr
 from ...plant.recording import RecordingError
 from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
+from .noise import describe, frozen
 from .slips import (
     Slip,
     demands,
@@ -40,6 +41,8 @@ _BETTER = 0.5  # a slip must reduce the difference to this share
 _APART = 3.0  # times, from which no level is this ship's
 _STRANGE = 2  # channels that far apart
 _LEVELS = (SHAFT_SPEED, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N")
+_STOPPED = 0.1  # share of the rows over which a noisy channel may rest; less is warned of
+_MUST = 0.05  # share of a channel's size by which the ship moves it where a rest is no calm
 _RETOLD = 2.0  # |ln factor| from which no effect looks like a demand in another unit
 
 
@@ -48,7 +51,7 @@ class Yardstick:
 
     def __init__(self, ship: Ship, table: pd.DataFrame, interval_s: float) -> None:
         per_row = max(1, math.ceil(interval_s / ship.time_step_s - 1e-9))
-        self.ship = ship
+        self.ship, self._interval_s = ship, interval_s
         self._drive = drive_column(ship)
         self._shaft = SHAFT_SPEED if SHAFT_SPEED in table else SHAFT_ANGLE
         # a start beyond these is no state of this ship: it then starts from a steady one
@@ -211,14 +214,25 @@ class Yardstick:
         return looks_like(column, slips, found, expected)
 
     def dead(self) -> Iterator[str]:
-        """Sentences on measured channels that never move although the ship must."""
+        """Sentences on measured channels that do not move, ever or for long, although the ship must."""
         for column in self.off:
-            values, sailed = self.table[column].to_numpy(), self.sailed
-            assert sailed is not None
-            moves = float(np.ptp(sailed[column]))
-            if np.ptp(values) == 0.0 and moves > 0.05 * float(np.max(np.abs(sailed[column]))):
-                yield (
-                    f"{column} is constant at {values[0]:g} {BOUNDS[column][2]} in every row, where "
-                    f"this ship moves over {moves:.3g} {BOUNDS[column][2]} with these demands: a "
-                    "dead sensor or a stopped logger; leave the column out or mend it"
-                )
+            values = self.table[column].to_numpy()
+            first, length = 0, len(values)
+            if np.ptp(values) > 0.0:
+                first, length = frozen(values, describe(values, self._interval_s))
+            assert self.sailed is not None
+            there = self.sailed[column].to_numpy()
+            moves = float(np.ptp(there[first : first + length])) if length else 0.0
+            if length <= _STOPPED * len(values) or moves <= _MUST * float(np.max(np.abs(there))):
+                continue
+            unit = BOUNDS[column][2]
+            where = f"constant at {values[first]:g} {unit} in every row"
+            mend = "leave the column out or mend it"
+            if length < len(values):
+                last = first + length
+                where = f"constant at {values[first]:g} {unit} from row {first + 1} to {last}"
+                mend = "leave the column out or cut the recording there"
+            yield (
+                f"{column} is {where}, where this ship moves over {moves:.3g} {unit} with these "
+                f"demands: a dead sensor or a stopped logger; {mend}"
+            )

@@ -9,7 +9,7 @@ from markupsafe import Markup, escape
 
 from ...plant.columns import DEMANDS
 from ...plant.signals import SIGNALS
-from ..search.catalogue import Effect
+from ..search.effect import Effect
 
 _NAMES = {
     s.column: (s.name.removeprefix("measured_").replace("_", " "), s.unit)

@@ -18,7 +18,7 @@ from ..simulate.at_once import at_once
 from ..simulate.balances import Balances, Channels, rate
 from ..simulate.joint_replay import UNMOVED, JointReplay
 from ..simulate.tolerances import tolerance_records
-from .catalogue import Effect
+from .effect import Effect
 from .spectra import fast_length, taper
 from .trial_ship import TrialShip
 

@@ -20,14 +20,22 @@ wherever the effect is tried.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from ...core.files import read_text, toml_of
-from ...plant.terms import NO_BOUND, Term
-from .catalogue import Effect, Parameter
+from ...plant.record import PLANT
+from ...plant.term_kernel import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added, added_before
+from ...plant.terms import NO_BOUND, TERM_SIGNALS, Term, add_term
+from .effect import Effect, Parameter
+
+_EARLY = len(Heard._fields)
+_TRIED = 16  # states at which a term is looked at, of either sign
+_NOTHING = 1e-9
 
 
 class _Table(BaseModel):
@@ -35,7 +43,7 @@ class _Table(BaseModel):
 
 
 class _Trial(_Table):
-    """How a parameter is first tried; as of :class:`.catalogue.Parameter`."""
+    """How a parameter is first tried; as of :class:`.effect.Parameter`."""
 
     probes: tuple[float, ...] = ()
     of: str = "unit"
@@ -67,7 +75,7 @@ class _OfTerm(_Trial):
 
 
 class _Entry(_Table):
-    """What an engineer is told of an effect, and where it can be; as of :class:`.catalogue.Effect`."""
+    """What an engineer is told of an effect, and where it can be; as of :class:`.effect.Effect`."""
 
     id: str = Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=40)
     balance: Literal[
@@ -196,7 +204,39 @@ def read_entries(path: Path) -> tuple[Effect, ...]:
     found = entries_of(read_text(path), str(path))
     if not found:
         raise ValueError(f"{path}: no [[term]] and no [[effect]] in it")
+    for effect in found:
+        if effect.term is not None:
+            _refuse_never_nothing(path, effect.label, effect.term)
     return found
+
+
+def _refuse_never_nothing(path: Path, label: str, term: Term) -> None:
+    """Refuse a term without a state that adds something where its size is neutral, or no number at all.
+
+    Raises:
+        ValueError: names it.
+    """
+    if term.state is not None:  # what it adds then hangs on what went before
+        return
+    plant = np.zeros(1, PLANT)[0]
+    add_term(plant, term, term.hears)
+    sizes = np.random.default_rng(0).uniform(-20.0, 20.0, (_TRIED, len(TERM_SIGNALS) + MAX_SIGNALS))
+    adds = []
+    for signals in [*sizes.tolist(), *np.abs(sizes).tolist()]:
+        heard, loaded = Heard(*signals[:_EARLY]), Loaded(*signals[_EARLY : len(TERM_SIGNALS)])
+        given = (plant, heard), ((0.0,) * MAX_STATES, tuple(signals[len(TERM_SIGNALS) :]))
+        found = [*added_before(*given[0], *given[1]), *added(*given[0], loaded, *given[1])]
+        adds.append(max(map(abs, found)) if np.isfinite(found).all() else math.nan)
+    if np.isnan(adds).all():
+        raise ValueError(
+            f"{path}: {label}: its expression is no finite number, whatever the ship does"
+        )
+    if (most := float(np.nanmax(adds))) > _NOTHING:
+        size, neutral = next((name, p.value) for name, p in term.parameters.items())
+        raise ValueError(
+            f"{path}: {label}: at {size} = {neutral:g}, its neutral value, the term adds up to "
+            f"{most:.3g}; it must add nothing there, for that is the ship without it"
+        )
 
 
 def _said(source: str, tree: dict[str, Any], item: dict[str, Any]) -> str:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...plant.ship_errors import ShipError
 from ...plant.terms import PLACES, TERM_SIGNALS, Term
 from .blocks import Block, joined
-from .catalogue import Effect, Parameter
+from .effect import Effect, Parameter
 from .fitting import Fit, Fitter
 from .formula_screen import Screen, Screened, home_of, places_of
 from .placed import Placed

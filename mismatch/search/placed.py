@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from .catalogue import Effect, Parameter
+from .effect import Effect, Parameter
 
 Window = tuple[float, float]
 """Start and end [s]."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..progress import Tick
-from .catalogue import Effect
+from .effect import Effect
 from .episodes import STRETCHES, episodes
 from .fitting import Fit, Fitter
 from .placed import Placed, Window

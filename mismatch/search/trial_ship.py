@@ -17,7 +17,7 @@ from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 from ...plant.terms import OF_A_TURN
 from ..simulate.balances import Balances
-from .catalogue import Effect, Parameter
+from .effect import Effect, Parameter
 from .placed import Placed, Window
 
 PITCH_GAPS = ("pitch_actuator.dead_band", "pitch_actuator.backlash")

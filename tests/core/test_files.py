@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from shaftline.core.files import write_atomically, write_json, write_text
+from shaftline.core.files import FileError, read_json, write_atomically, write_json, write_text
 
 
 def test_a_file_appears_whole_under_its_name(tmp_path: Path) -> None:
@@ -57,3 +57,15 @@ def test_json_refuses_what_is_no_number(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "b.json", {"x": math.nan})
     assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_result_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "curve.json"
+    write_json(file, {"a": [1.5]})
+    assert read_json(file) == {"a": [1.5]}
+    for text in ("{", "", "[" * 100_000):
+        file.write_text(text)
+        with pytest.raises(FileError, match=r"curve\.json: damaged, no valid JSON .* remove it"):
+            read_json(file)
+    with pytest.raises(FileError, match="cannot be read"):
+        read_json(tmp_path / "nowhere.json")

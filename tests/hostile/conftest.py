@@ -11,6 +11,13 @@ import pytest
 
 SHIP = Path(__file__).parents[2] / "plant/ships/frigate.toml"
 TRAINING = "transit:\n  n_envs: 4\n  n_timesteps: 64\n"
+_TERM = """[[term]]
+id = "mine"
+balance = "hull"
+acts_on = "resistance"
+expression = "{expression}"
+parameters = {{ k = {{ unit = "N", probes = [1.0] }} }}
+"""
 HEAD = "time_s,fuel_rack_mm,pitch_ratio_command\n"
 
 
@@ -49,6 +56,21 @@ def _texts(mark: Path) -> dict[str, str]:
         "one.csv": "time_s\n",
         "text.csv": "hello\nworld\n",
         "ok.csv": HEAD + "".join(f"{0.1 * i:.1f},20,1.2\n" for i in range(50)),
+        "corrected_ship.toml": ship,
+        "dotted-name.toml": ship.replace('"frigate"', '"../../evil.so"'),
+        "obeyed.toml": ship.replace('"frigate"', '"\\u001b[2J"'),
+        "lines.toml": ship.replace('"frigate"', '"a\\nb"'),
+        "nameless.toml": ship.replace('"frigate"', '""'),
+        "endless-name.toml": ship.replace('"frigate"', f'"{"x" * 100_000}"'),
+        "light.toml": ship.replace(mass, "mass_kg = 1e-300"),
+        "zip.toml": '[file]\nencoding = "zip"\n',
+        "rot13.toml": '[file]\nencoding = "rot13"\n',
+        "commas.toml": '[file]\nseparator = ","\ndecimal = ","\n',
+        **{f"{name}-term.toml": _TERM.format(expression=expression) for name, expression in {
+            "constant": "k + 5", "tower": "k * 9 ** 9 ** 9 ** 9", "root": "k * log(-1 - abs(time))",
+            "attribute": "k * time.__class__", "lambda": "k * (lambda: 1)()",
+        }.items()},
+        "switch.csv": HEAD + "".join(f"{0.1 * i:.1f},True,1.2\n" for i in range(50)),
         "three.csv": "time_s,fuel_rack_mm,pitch_ratio_command,shaft_speed_rad_s\n"
         + "".join(f"{0.1 * i:.1f},20,1.2,{9.8 + 0.01 * i}\n" for i in range(3)),
         "span.csv": HEAD + "0,20,1.2\n1e12,20,1.2\n2e12,20,1.2\n",
@@ -88,6 +110,8 @@ def hostile(tmp_path_factory: pytest.TempPathFactory, mark: Path) -> Path:
         (folder / f"zero.{ending}").symlink_to("/dev/zero")
     (folder / "null.csv").symlink_to("/dev/null")
     np.savez(folder / "other.npz", a=np.arange(3))
+    (folder / "damaged").mkdir()
+    (folder / "damaged" / "training.json").write_text("{")
     with (
         zipfile.ZipFile(folder / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as file,
         file.open("about.npy", "w") as member,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -10,13 +11,24 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from shaftline.core.compiled import kernels_kept_in
 from shaftline.core.files import FileError, check_writable, write_text
 from shaftline.core.sizes import SizeError, check_size
 from shaftline.envs import FrigateEnv, FrigateVectorEnv
-from shaftline.plant import Schedule, State, load_ship, simulate
+from shaftline.observers import follow, get_observer, variance_accounted_for
+from shaftline.plant import (
+    Schedule,
+    State,
+    get_sea,
+    load_ship,
+    realise,
+    simulate,
+    simulate_recording,
+)
 
 
 def test_more_environments_than_memory_are_refused_at_once() -> None:
@@ -53,6 +65,89 @@ def test_more_environments_than_memory_are_refused_at_once() -> None:
 def test_environments_say_what_they_cannot_be(settings: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         FrigateEnv(**settings)
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.5, True, None, "4"])
+def test_a_number_of_environments_that_is_none_is_refused(count: Any) -> None:
+    with pytest.raises(ValueError, match="a whole number from 1 is needed"):
+        FrigateVectorEnv(count)
+
+
+STATE = State(1.2, 10.0, 8.0)
+
+
+@pytest.mark.parametrize(
+    ("duration", "state", "words"),
+    [
+        (0.0, STATE, "duration_s = 0.0: must be"), (-1.0, STATE, "duration_s = -1.0: must be"),
+        (float("nan"), STATE, "duration_s = nan: must be"),
+        (10.0, STATE._replace(shaft_speed=float("nan")), "initial holds a value that is not finite"),
+        (10.0, STATE._replace(ship_speed=1e200), "the state left all bounds before 0.05 s"),
+    ],
+)  # fmt: skip
+def test_a_simulation_that_would_give_no_numbers_is_refused(
+    duration: float, state: State, words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        simulate(load_ship("frigate"), Schedule(20.0, 1.2), duration, initial=state)
+
+
+def test_columns_that_are_missing_or_no_numbers_are_named() -> None:
+    rows = 20
+    table = pd.DataFrame(
+        {"time_s": 0.1 * np.arange(rows), "fuel_rack_mm": 20.0, "pitch_ratio_command": 1.2}
+    )
+    ship, gap = load_ship("frigate"), table.copy()
+    gap.loc[7, "fuel_rack_mm"] = np.nan
+    for bad, words in (
+        (table.drop(columns="fuel_rack_mm"), "column 'fuel_rack_mm' is missing"),
+        (gap, "fuel_rack_mm, row 8: nan is not a finite number"),
+        (table[:0], "at least two rows"), (table[:1], "at least two rows"),
+        (table[::-1], "time must rise"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=words):
+            simulate_recording(ship, bad)
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_depths_and_sample_times_that_are_none_are_refused(value: float) -> None:
+    sea = get_sea("state-5")
+    assert sea is not None
+    with pytest.raises(ValueError, match=f"depth_m = {value}"):
+        realise(sea, value, 1)
+    with pytest.raises(ValueError, match=f"dt = {value}"):
+        follow(get_observer("random-walk-kalman"), load_ship("frigate"), np.zeros((9, 5)), value)
+
+
+def test_an_estimate_that_is_lost_accounts_for_no_share() -> None:
+    assert math.isnan(variance_accounted_for(np.array([1.0, np.nan, 3.0]), np.arange(3.0)))
+
+
+def _alone(code: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, env=os.environ | environment,
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+def test_a_switch_of_the_compiler_that_would_stop_all_is_not_heeded(tmp_path: Path) -> None:
+    code = (
+        "from shaftline.plant import equilibrium, load_ship\n"
+        "print(equilibrium(load_ship('frigate'), 22.0, 1.4).state.shaft_speed)"
+    )
+    done = _alone(code, tmp_path, NUMBA_DISABLE_JIT="1")
+    assert float(done.stdout) == pytest.approx(10.514, abs=1e-3)
+    assert "NUMBA_DISABLE_JIT is set" in done.stderr
+
+
+def test_a_folder_that_is_gone_is_said(tmp_path: Path) -> None:
+    code = (
+        f"import os\nfrom shaftline.cli.main import main\nos.rmdir({str(tmp_path / 'a')!r})\nmain()"
+    )
+    (tmp_path / "a").mkdir()
+    done = _alone(code, tmp_path / "a")
+    assert done.returncode == 1
+    assert done.stderr == "error: the folder in which this was called does not exist any more\n"
 
 
 @pytest.mark.parametrize("duration", [1e12, float("inf"), 1e300])

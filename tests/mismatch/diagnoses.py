@@ -11,7 +11,8 @@ from shaftline.mismatch import Diagnosis, Estimate
 from shaftline.mismatch.judge.findings import Detectable, Finding
 from shaftline.mismatch.judge.shapes import Shape, term_of
 from shaftline.mismatch.judge.whiteness import Colour
-from shaftline.mismatch.search.catalogue import Effect, catalogue
+from shaftline.mismatch.search.catalogue import catalogue
+from shaftline.mismatch.search.effect import Effect
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.selection import Candidate
 from shaftline.plant import Ship, load_ship

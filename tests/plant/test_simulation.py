@@ -160,7 +160,7 @@ def test_simulation_leaves_its_sea_untouched(
 
 
 @pytest.mark.parametrize(
-    ("duration", "samples"), [(1.0, 21), (1.01, 22), (0.0, 2), (0.15, 4), (0.3, 7), (0.049, 2)]
+    ("duration", "samples"), [(1.0, 21), (1.01, 22), (1e-9, 2), (0.15, 4), (0.3, 7), (0.049, 2)]
 )
 def test_one_sample_at_every_step_and_one_at_the_end(
     frigate: Ship, design_point: Equilibrium, duration: float, samples: int

@@ -245,6 +245,46 @@ def test_another_ship_is_refused(file: Path) -> None:
         load_policy(file, shifted)
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda a: a | {"weight_0": a["weight_0"] * np.nan}, "a weight is not finite"),
+        (lambda a: a | {"deviation": a["deviation"] * 0.0}, "a weight is not finite"),
+        (lambda a: a | {"weight_0": a["weight_0"][:, 1:]}, "its layers do not fit together"),
+        (lambda a: a | {"weight_0": a["weight_0"].astype(complex)}, "real numbers are needed"),
+        (lambda a: a | {"weight_0": np.array(["a", "b"])}, "real numbers are needed"),
+        (lambda a: a | {"mean": a["mean"][:, None]}, "its normalisation does not fit"),
+        (
+            lambda a: a | {"log_deviation": np.zeros(3, np.float32)},
+            "its normalisation does not fit",
+        ),
+        (lambda a: {k: v for k, v in a.items() if not k.startswith("weight")}, "real numbers"),
+        (lambda a: {k: v for k, v in a.items() if k != "bias_0"}, "bias_0"),
+    ],
+)
+def test_a_network_that_cannot_answer_is_refused(
+    file: Path, tmp_path: Path, change: Any, words: str
+) -> None:
+    with np.load(file) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    np.savez(tmp_path / "other.npz", **change(arrays))
+    with pytest.raises(PolicyError, match=rf"other\.npz: not a policy file .*{words}"):
+        load_policy(tmp_path / "other.npz")
+
+
+def test_a_policy_that_does_not_say_what_it_was_made_for_is_refused(
+    file: Path, tmp_path: Path
+) -> None:
+    with np.load(file) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    about = json.loads(bytes(arrays["about"]).decode())
+    for lost in ("recipe", "control_interval_s"):
+        text = json.dumps({k: v for k, v in about.items() if k != lost}).encode()
+        np.savez(tmp_path / "other.npz", **arrays | {"about": np.frombuffer(text, np.uint8)})
+        with pytest.raises(PolicyError, match=f"not a policy file .*{lost}"):
+            load_policy(tmp_path / "other.npz")
+
+
 def test_what_is_no_policy_is_refused(file: Path, tmp_path: Path) -> None:
     text, empty, array, cut, bare = (tmp_path / f"{i}.npz" for i in range(5))
     text.write_text("speed 8, pitch 1.2")

@@ -21,7 +21,7 @@ from .trials import COLUMNS, NOISE, voyage
     [
         ("shaft_speed_rad_s", 0, math.inf, r"shaft_speed_rad_s, row 1: .*inf.*rad/s"),
         ("fuel_rack_mm", 2, "full", r"fuel_rack_mm, row 3: 'full' is not a finite number"),
-        ("ship_speed_m_s", 5, 70.0, r"ship_speed_m_s, row 6: 70 m/s lies outside -40 to 40 m/s"),
+        ("ship_speed_m_s", 0, 70.0, r"ship_speed_m_s, row 1: 70 m/s lies outside -40 to 40 m/s"),
         ("time_s", 5, 0.1, r"time_s, row 6: 0\.1 s after 0\.4 s; time must rise"),
         ("time_s", 1799, 280.0, r"time_s, row 1800: a gap of 100.* s .* cut the recording"),
     ],

@@ -208,6 +208,9 @@ def test_a_slow_channel_keeps_each_value(load: Load, calm: pd.DataFrame) -> None
         ('separator = "ab"', r"file\.separator: 'ab' \(allowed: one sign such as"),
         ('decimal = "x"', r"file\.decimal: .*'.' or ','"),
         ('encoding = "klingon"', r"file\.encoding: 'klingon' is unknown"),
+        ('encoding = "rot13"', r"file\.encoding: 'rot13' is unknown"),  # turns text into text
+        ('encoding = "zip"', r"file\.encoding: 'zip' is unknown"),  # and bytes into bytes
+        ('separator = ","\ndecimal = ","', r"file: separator and decimal are both ','"),
         ("header_row = 0", r"file\.header_row: .*greater than or equal to 1"),
         ("names = 3", r"file\.names is not a known key \(allowed: separator, decimal, encoding"),
     ],

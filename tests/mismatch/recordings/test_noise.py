@@ -122,3 +122,20 @@ def test_a_frozen_stretch_is_found() -> None:
     assert frozen(noise, describe(noise, 0.1)) == (0, 0)
     noise[1000:1100] = noise[1000]
     assert frozen(noise, describe(noise, 0.1)) == (1000, 100)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.45, 0.5, 0.55, 0.9])
+def test_a_sensor_that_stops_has_the_noise_that_it_had_before(frigate: Ship, share: float) -> None:
+    samples = sailed(frigate, "state-3", "steps")[::2]
+    for name, rms in KNOWN.items():
+        noisy = samples[name] + rms * np.random.default_rng(2).standard_normal(len(samples))
+        stop = round((1.0 - share) * len(noisy))
+        noisy[stop:] = noisy[stop - 1]
+        noise = describe(noisy, 0.1)
+        assert noise.white_rms == pytest.approx(rms, rel=0.15), name
+        assert frozen(noisy, noise) == (stop - 1, len(noisy) - stop + 1), name
+
+
+def test_an_order_that_is_held_and_led_by_turns_has_no_noise() -> None:
+    ramps = np.interp(np.arange(0.0, 800.0), np.arange(0, 800, 100), [0, 0, 1, 1, 0, 0, 1, 1])
+    assert white_rms(ramps) < 1e-12

@@ -113,6 +113,38 @@ def test_dead_channel_is_refused(load: Load, calm: pd.DataFrame, column: str) ->
         load(calm.assign(**{column: 0.0}))
 
 
+@pytest.mark.parametrize("column", ["pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m"])
+@pytest.mark.parametrize("share", [0.4, 0.5, 0.8])
+def test_a_sensor_that_stops_on_the_way_is_refused(
+    load: Load, calm: pd.DataFrame, column: str, share: float
+) -> None:
+    stop = round((1.0 - share) * len(calm))
+    table = calm.copy()
+    table.loc[stop:, column] = table.loc[stop, column]
+    with pytest.raises(
+        RecordingError,
+        match=rf"{column} is constant at .* from row {stop + 1} to {len(calm)}, where this ship moves",
+    ):
+        load(table)
+
+
+def test_a_short_stop_is_told_and_one_while_the_ship_rests_as_well(
+    load: Load, calm: pd.DataFrame
+) -> None:
+    short, resting = calm.copy(), calm.copy()
+    short.loc[900:1000, "shaft_torque_N_m"] = short.loc[900, "shaft_torque_N_m"]
+    resting[["fuel_rack_mm", "pitch_ratio_command"]] = 18.0, 1.3
+    steady = calm.loc[380, ["pitch_ratio", "shaft_speed_rad_s", "shaft_torque_N_m"]]
+    noise = np.random.default_rng(0).standard_normal((len(calm), 3))
+    resting[list(steady.index)] = steady.to_numpy() * (1.0 + 0.005 * noise)
+    resting["ship_speed_m_s"] = calm["ship_speed_m_s"].iloc[:380].mean()
+    resting["ship_speed_m_s"] += 0.02 * noise[::-1, 0]
+    resting.loc[900:, "shaft_torque_N_m"] = resting.loc[900, "shaft_torque_N_m"]
+    for table, rows in ((short, 101), (resting, len(calm) - 900)):
+        said = "; ".join(load(table).warnings)
+        assert f"shaft_torque_N_m does not change for {rows} rows from row 901" in said
+
+
 def simulated(ship: Ship) -> pd.DataFrame:
     """A ship that accelerates from a steady course."""
     start = approach(ship, 4.0)
