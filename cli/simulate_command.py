@@ -13,10 +13,9 @@ from ..core.files import check_writable, write_atomically
 from ..observers import follow_table, get_observer
 from ..observers.metrics import with_noisy_readings
 from ..plant import get_sea, load_ship, realise
-from ..plant.columns import input_columns
+from ..plant.columns import input_columns, signal_columns
 from ..plant.recording import read_recording
 from ..plant.replay import simulate_recording
-from ..plant.signals import SIGNALS
 from ..studies.thesis.load_cases import CASES, NOISE_SNR_DB, get_case
 from .console import OwnHeight, OwnPeriod, clear_errors, own_sea, say
 
@@ -85,7 +84,7 @@ def simulate(
         watcher = get_observer(observer, tuning) if observer else None
         if case is not None:
             samples = get_case(case).run(vessel, seed=seed, sea=sea)
-            table = pd.DataFrame({s.column: samples[s.name] for s in SIGNALS})
+            table = pd.DataFrame({c: samples[s] for c, s in signal_columns(vessel).items()})
             if get_case(case).noisy:
                 table = with_noisy_readings(table, NOISE_SNR_DB, seed)
             title = f"{vessel.name}: {get_case(case).description}"

@@ -192,6 +192,7 @@ def columns(table: pd.DataFrame, title: str) -> Figure:
         ("pitch_ratio", "pitch ratio [-]", 1.0),
         ("fuel_rack_mm", "fuel rack [mm]", 1.0),
         ("motor_voltage_V", "motor voltage [V]", 1.0),
+        ("motor_torque_N_m", "motor torque [N m]", 1.0),
         ("motor_current_A", "motor current [A]", 1.0),
     )
     drawn = [p for p in panels if p[0] in table and not (table[p[0]] == 0.0).all()]

@@ -56,6 +56,19 @@ def drive_column(ship: Ship) -> str:
     return ship.prime_mover.demand.column
 
 
+def signal_columns(ship: Ship) -> dict[str, str]:
+    """Signals that a ship has, by the column that each has in her recordings; canonical ones first.
+
+    The demand stands under the name of her prime mover's, and what she does not have is left out: of a
+    fixed pitch the order, of a straight course the turn, the current without an armature.
+    """
+    found = {s.column: s.name for s in SIGNALS if s.name != "drive"}
+    found = {drive_column(ship): "drive"} | found  # of a shaft that is led, the speed reached
+    absent = foreign_columns(ship) | (set() if ship.has_variable_pitch else {"pitch_ratio_command"})
+    ordered = dict.fromkeys((*(c for c in COLUMNS if c in found), *found))
+    return {column: found[column] for column in ordered if column not in absent}
+
+
 def answered_columns(ship: Ship) -> list[str]:
     """Measured columns that a simulation of the ship answers."""
     none = set() if ship.has_propeller else {"thrust_N"}

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ..core.compiled import Record, compiled
 from ..core.sizes import check_size
 from .columns import (
-    COLUMNS,
     IN_A_TURN,
     MEASURED,
     ON_ANY_SHIP,
@@ -26,13 +25,14 @@ from .columns import (
     answered_columns,
     drive_column,
     input_columns,
+    signal_columns,
 )
 from .dynamics import settled
 from .hull import wake_inflow, water_speed
 from .memory import MEMORY
 from .recording import RecordingError
 from .ship import Ship
-from .signals import SAMPLE, SIGNALS
+from .signals import SAMPLE
 from .simulation import trajectory
 from .state import STATE, Inputs, State
 from .steady_state import equilibrium
@@ -306,8 +306,8 @@ def simulate_recording(
         recording: from :func:`shaftline.plant.read_recording`. Its ``propeller_submergence_m`` and
             ``inflow_velocity_m_s`` (measured advance velocity) act where it has them, on top of ``sea``.
         sea: SEA record from :func:`shaftline.plant.realise`, or None for calm water.
-        every_signal: whether every signal of :data:`.signals.SIGNALS` is there as well, true values
-            and instruments' readings.
+        every_signal: whether every signal of :func:`.columns.signal_columns` is there as well, true
+            values and instruments' readings.
 
     Returns:
         The same time base and canonical columns: the inputs as given, everything else simulated.
@@ -328,7 +328,6 @@ def simulate_recording(
         if c not in columns and (c in ON_ANY_SHIP or c in IN_A_TURN or c in recording)
     }
     if every_signal:
-        columns |= {s.column: samples[s.name] for s in SIGNALS if s.column not in columns}
-        first = [c for c in COLUMNS if c in columns]
-        columns = {c: columns[c] for c in dict.fromkeys((*first, *columns))}
+        named = {c: samples[signal] for c, signal in signal_columns(ship).items()}
+        columns = named | columns
     return pd.DataFrame(columns)

@@ -125,15 +125,15 @@ def _chosen() -> Iterator[Cell]:
 
 def _parted(rows: pd.DataFrame) -> dict[str, int]:
     """How many of some diagnoses ended in which way."""
-    right = rows["outcome"].isin(["named", "class"])
     alone = ~rows["said"].str.contains(r" \+ ")
-    refused, nothing = rows["outcome"] == "refused", rows["outcome"] == "nothing-missing"
-    return {
-        "refused": int(refused.sum()),
-        "nothing missing": int(nothing.sum()),
-        "right": int((right & alone).sum()),
-        "invented": int((~refused & ~nothing & ~(right & alone)).sum()),
+    told = {
+        "refused": rows["outcome"] == "refused",
+        "nothing missing": rows["outcome"] == "nothing-missing",
+        "right": rows["outcome"].isin(["named", "class"]) & alone,
+        "no known physics": rows["outcome"] == "unexplained",
     }
+    counts = {name: int(of.sum()) for name, of in told.items()}
+    return counts | {"wrong name": len(rows) - sum(counts.values())}
 
 
 def counted(rows: pd.DataFrame) -> pd.DataFrame:
@@ -159,11 +159,12 @@ at random times.
 
 {table}
 
-*Refused*: with the channel, the row and what to do. *Invented*: physics is named that is not there,
-alone or beside what is, or something is said to lack that has no name. A sound recording is the bound:
-what is too weak to be named there is not named here either. The trap is the column *nothing missing*:
-where a channel stops for a while and the verdict is that, the report warns that it stopped, but the
-verdict rests on less than it seems to.
+*Refused*: with the channel, the row and what to do. *No known physics*: the report says that something
+differs, where, and that nothing of the catalogue explains it, which is true of a broken instrument; where
+one stopped, it warns of that too. *Wrong name*: physics is named that is not there, alone or beside what
+is, which is the one error that costs its reader something. A sound recording is the bound: what is too
+weak to be named there is not named here either. The trap is the column *nothing missing*: where a channel
+stops for a while and the verdict is that, it rests on less than it seems to.
 {before}"""
 
 BEFORE = """
@@ -196,6 +197,8 @@ def main(arguments: list[str] | None = None) -> None:
         nulls=NULLS, singles=SINGLES, seed=SEED, table=markdown(counted(rows)), before=before
     )
     command = "python -m shaftline.studies.faulty_instruments --out docs/results"
+    if options.before is not None:
+        command += f" --before {options.before}"
     write_table(
         options.out, "faulty-instruments", "Instruments that fail on the way", command, rows, body
     )

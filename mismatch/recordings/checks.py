@@ -116,7 +116,7 @@ def at_rest(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> Iter
     at_stop = float((table[drive].abs() >= stop).mean())
     if at_stop > 0.0:
         yield f"{drive} is at its end stop in {at_stop:.1%} of the rows"
-    if "pitch_ratio_command" in table:
+    if "pitch_ratio_command" in demands(ship, table):
         low, high = ranges_of(ship)["pitch_ratio_command"]
         order = table["pitch_ratio_command"]
         if (beyond := float((~order.between(low - _SLACK, high + _SLACK)).mean())) > _ODD_SHARE:

@@ -80,7 +80,8 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
 def demands(ship: Ship, table: pd.DataFrame) -> list[str]:
     """Columns of a recording that are orders, not measurements."""
     helm = helm_column(ship, table)
-    found = [c for c in (drive_column(ship), "pitch_ratio_command") if c in table]
+    pitch = ["pitch_ratio_command"] if ship.has_variable_pitch else []
+    found = [c for c in (drive_column(ship), *pitch) if c in table]
     return found if helm is None else [*found, helm]
 
 

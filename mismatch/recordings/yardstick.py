@@ -124,6 +124,8 @@ class Yardstick:
             if any(impossible_demands(self.table.assign(**exchanged), self.ship)):
                 continue
             there = self.with_columns(exchanged)
+            if not set(self.off) <= {*there, a, b}:
+                continue  # a ship at rest: nothing is left that could differ
             if all(there.get(c, 0.0) <= _NAMED for c in (a, b, self._shaft)):
                 score = self._score(there)
                 if score < best:

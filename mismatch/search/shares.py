@@ -68,14 +68,17 @@ def inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
         counts: weight of each band.
 
     Returns:
-        Sum over the bands of their weight times log |det|.
+        Sum over the bands of their weight times log |det|; nan where one is not positive definite, be it
+        by rounding alone.
     """
     total = 0.0
     for band in range(len(matrices)):
         a = matrices[band]
         for p in range(len(a)):
             pivot = a[p, p].real
-            total += counts[band] * np.log(abs(pivot))
+            if not pivot > 0.0:
+                return np.nan
+            total += counts[band] * np.log(pivot)
             a[p, p] = 1.0
             a[p] /= pivot
             for i in range(len(a)):
@@ -83,6 +86,10 @@ def inverted(matrices: Complex, counts: NDArray[np.float64]) -> float:
                     share = a[i, p]
                     a[i, p] = 0.0
                     a[i] -= share * a[p]
+        for p in range(len(a)):  # rounding leaves the halves of a nearly singular one apart
+            for q in range(p + 1):
+                mean = 0.5 * (a[p, q] + np.conj(a[q, p]))
+                a[p, q], a[q, p] = mean, np.conj(mean)
     return total
 
 

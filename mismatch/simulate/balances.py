@@ -118,7 +118,7 @@ class Balances:
         self.prime_mover = replay.ship.drive_balance
         rows = []
         # a pitch that never moves is known no better than its unknown resolution
-        if replay.controllable and np.ptp(replay.recorded.get("pitch_ratio", 0.0)) > 0.0:
+        if replay.controllable and self._moved("pitch_ratio"):
             rows.append(("pitch-actuator", "-"))
         held = not replay.ship.turns_freely
         if held or SHAFT_SPEED in replay.channels or SHAFT_ANGLE in replay.channels:
@@ -129,9 +129,10 @@ class Balances:
         if self.moving:
             rows.append(("hull", "N"))
         self.turning = replay.ship.turns and replay.ship.moves
-        if self.turning and SWAY_SPEED in replay.channels:
+        # nor a course that is held to the last digit
+        if self.turning and self._moved(SWAY_SPEED):
             rows.append(("sway", "N"))
-        if self.turning and (YAW_RATE in replay.channels or HEADING in replay.channels):
+        if self.turning and self._moved(YAW_RATE, HEADING):
             rows.append(("yaw", "N m"))
         if "thrust_N" in replay.channels:
             rows.append(("thrust", "N"))
@@ -146,6 +147,10 @@ class Balances:
         # where a neighbour is not measured, its nominal simulation stands in
         self._pitch = np.ascontiguousarray(nominal["pitch_ratio"])
         self._speed = np.ascontiguousarray(nominal["ship_speed"])
+
+    def _moved(self, *columns: str) -> bool:
+        """Whether any of these was recorded and did not stand still."""
+        return any(np.ptp(self.replay.recorded.get(column, 0.0)) > 0.0 for column in columns)
 
     def _refuse_runaway(self) -> None:
         for column, values in self.nominal.items():

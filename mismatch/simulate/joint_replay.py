@@ -53,6 +53,12 @@ def blocks(rows: NDArray[np.float64], every: int) -> NDArray[np.float64]:
     return np.asarray(cut.reshape(count, every, *cut.shape[1:]).mean(axis=1))
 
 
+def _finest(column: str, values: NDArray[np.float64]) -> float:
+    """What a channel is read to at best, in its unit."""
+    sized = np.diff(values) if column in (SHAFT_ANGLE, HEADING) else values
+    return RESOLUTION * float(np.abs(sized).max())
+
+
 class JointReplay:
     """One or more recordings of a ship, each simulated from its own start, end to end in the arrays.
 
@@ -205,8 +211,7 @@ class JointReplay:
         rng = np.random.default_rng(0)
         found = dict(self.recorded)
         for column, values in self.recorded.items():
-            sized = np.diff(values) if column in (SHAFT_ANGLE, HEADING) else values
-            least = RESOLUTION * float(np.abs(sized).max())
+            least = _finest(column, values)
             if describe(values[slice(*self.segments[0])], self.interval_s).white_rms < least:
                 found[column] = values + least * rng.standard_normal(len(values))
         return found
@@ -225,8 +230,10 @@ class JointReplay:
         """Steps of the channels in which they are coarser than the noise, by column, in their units."""
         found = {}
         for column in self.channels:
-            own = describe(self.runs[0].table[column].to_numpy(), self.runs[0].interval_s)
-            if own.white_rms < 0.5 * own.quantisation:
+            values = self.runs[0].table[column].to_numpy()
+            own = describe(values, self.runs[0].interval_s)
+            # steps below the resolution are a simulation's last digits
+            if max(own.white_rms, _finest(column, values)) < 0.5 * own.quantisation:
                 found[column] = own.quantisation
         return found
 

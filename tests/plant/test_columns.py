@@ -1,6 +1,8 @@
 from __future__ import annotations
 
-from shaftline.plant import Ship, load_ship
+import pytest
+
+from shaftline.plant import Ship, load_ship, ship_names
 from shaftline.plant.columns import (
     BOUNDS,
     COLUMNS,
@@ -10,6 +12,7 @@ from shaftline.plant.columns import (
     ON_ANY_SHIP,
     drive_column,
     input_columns,
+    signal_columns,
 )
 from shaftline.plant.signals import SAMPLE, get_signal
 
@@ -22,6 +25,25 @@ def test_a_ship_is_driven_by_time_its_demand_and_its_pitch(frigate: Ship) -> Non
     tug = load_ship("tito-neri-sine")
     assert input_columns(tug) == ["time_s", "motor_voltage_V"]
     assert drive_column(tug) == "motor_voltage_V"
+
+
+@pytest.mark.parametrize("name", ship_names())
+def test_what_a_ship_is_simulated_to_can_drive_her_again(name: str) -> None:
+    ship = load_ship(name)
+    found = signal_columns(ship)
+    assert {*input_columns(ship)} <= set(found)
+    assert len({*found.values()}) == len(found)
+    others = {demand.column for demand in DEMANDS} - {drive_column(ship), "shaft_speed_rad_s"}
+    assert not others & set(found)
+
+
+def test_a_ship_has_no_columns_of_what_she_lacks(frigate: Ship) -> None:
+    assert not {*IN_A_TURN, "rudder_command_rad", "motor_current_A"} & set(signal_columns(frigate))
+    assert "motor_current_A" in signal_columns(load_ship("tito-neri-sine"))
+    led = signal_columns(load_ship("esso-osaka"))
+    assert led["shaft_speed_rad_s"] == "measured_shaft_speed"
+    assert {"rudder_command_rad", *IN_A_TURN} <= set(led)
+    assert "pitch_ratio_command" not in led
 
 
 def test_every_column_is_understood_once() -> None:

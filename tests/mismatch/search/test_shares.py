@@ -33,6 +33,22 @@ def products(seed: int, count: int, told: float) -> tuple[Any, ...]:
     )
 
 
+def test_a_matrix_that_is_not_positive_definite_has_no_determinant() -> None:
+    for matrix in ([[1.0, 2.0], [2.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 1.0]]):
+        assert np.isnan(inverted(np.array([matrix], complex), np.ones(1)))
+
+
+def test_the_inverse_of_a_nearly_singular_matrix_is_hermitian() -> None:
+    """Rounding would leave its halves apart by more than the prior of the shares is worth."""
+    rng = np.random.default_rng(1)
+    mixed = rng.standard_normal((3, 50)) + 1j * rng.standard_normal((3, 50))
+    mixed[2] = mixed[0] + 1e-6 * mixed[2]
+    found = (mixed @ mixed.conj().T)[None]
+    inverted(found, np.ones(1))
+    assert np.abs(found).max() > 1e8
+    assert (found == found.conj().transpose(0, 2, 1)).all()
+
+
 def by_hand(own: Any, crossed: Any, pairs: Any, counts: Any, shares: Any) -> float:
     k = len(shares)
     total = -float(shares @ shares)

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.mismatch.recordings.noise import describe
 from shaftline.mismatch.simulate.joint_replay import MOVES_APART, JointReplay
 from shaftline.plant import Ship
 from shaftline.plant.replay import Replay
@@ -237,3 +238,12 @@ def test_steps_coarser_than_noise_are_told() -> None:
     coarse = table.assign(pitch_ratio=np.round(table["pitch_ratio"] / 0.02) * 0.02)
     found = JointReplay(quick_frigate(), coarse).quantisation
     assert found == {"pitch_ratio": pytest.approx(0.02)}
+
+
+def test_the_last_digits_of_a_simulation_are_no_steps() -> None:
+    """They would stand in for the noise of the resolution, and be far less than it."""
+    table = voyage_of(200.0, 1)
+    torque = 1.0 + 1e-6 * np.sin(table["time_s"] / 7.0)
+    rounded = table.assign(shaft_torque_N_m=1e6 * np.round(torque, 7))
+    assert describe(rounded["shaft_torque_N_m"].to_numpy(), 0.1).quantisation > 0.0
+    assert JointReplay(quick_frigate(), rounded).quantisation == {}
