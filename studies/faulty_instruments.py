@@ -1,13 +1,12 @@
 """Instruments that fail on the way: is a broken sensor taken for missing physics?
 
-Run ``python -m shaftline.studies.faulty_instruments --out docs/results``; an hour on two
-cores. What is diagnosed is kept, so an interrupted run goes on where it stopped.
+Run ``python -m shaftline.studies.faulty_instruments --out docs/results``; 20 minutes
+on two cores. What is diagnosed is kept, so an interrupted run goes on where it stopped.
 """
 
 from __future__ import annotations
 
 import argparse
-import functools
 import tempfile
 from collections.abc import Callable, Iterator
 from itertools import count, islice
@@ -25,7 +24,7 @@ from ..mismatch import Options, diagnose
 from ..plant import RecordingError, load_ship
 from ..proof.cases import draw_case
 from ..proof.reality.effects import FRIGATE
-from ..proof.recording import Reality, make
+from ..proof.recording import make
 from ..proof.scoring import score
 
 CHANNELS = ("shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s", "pitch_ratio")
@@ -84,14 +83,10 @@ class Cell(NamedTuple):
         return digest_of(repr(self))
 
 
-@functools.lru_cache(maxsize=1)  # cells of one recording follow each other
-def _made(index: int) -> Reality:
-    return make(draw_case(SEED, index))
-
-
 def diagnosed(cell: Cell) -> dict[str, Any]:
     """What the diagnosis makes of it: a row."""
-    case, reality = draw_case(SEED, cell.case), _made(cell.case)
+    case = draw_case(SEED, cell.case)
+    reality = make(case)
     table = reality.recording.copy()
     rng = np.random.default_rng([SEED, cell.case, CHANNELS.index(cell.channel)])
     table[cell.channel] = FAULTS[cell.fault](table[cell.channel].to_numpy(), rng)
@@ -159,12 +154,13 @@ at random times.
 
 {table}
 
-*Refused*: with the channel, the row and what to do. *No known physics*: the report says that something
-differs, where, and that nothing of the catalogue explains it, which is true of a broken instrument; where
-one stopped, it warns of that too. *Wrong name*: physics is named that is not there, alone or beside what
-is, which is the one error that costs its reader something. A sound recording is the bound: what is too
-weak to be named there is not named here either. The trap is the column *nothing missing*: where a channel
-stops for a while and the verdict is that, it rests on less than it seems to.
+*Refused*: with the channel, the row and what to do. *No known physics*: the report says that
+something differs, where, and that nothing of the catalogue explains it, which is true of a broken
+instrument; where one stopped, it warns of that too. *Wrong name*: physics is named that is not
+there, alone or beside what is, which is the one error that costs its reader something. A sound
+recording is the bound: what is too weak to be named there is not named here either. The trap is the
+column *nothing missing*: where a channel stops for a while and the verdict is that, it rests on
+less than it seems to.
 {before}"""
 
 BEFORE = """

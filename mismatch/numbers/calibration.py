@@ -57,9 +57,8 @@ def calibrated(
                 tick=said,
             )
         except UntoldError as error:
-            dropped = error.keys[:1] if error.among else error.keys
-            left |= dict.fromkeys(dropped, str(error))
-            wanted = [key for key in error.among if key not in dropped]
+            left |= error.worst
+            wanted = error.rest
             if not wanted:
                 remark = (
                     "calibration: the healthy period tells no number; all stay as the file has them"

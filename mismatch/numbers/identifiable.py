@@ -32,6 +32,23 @@ class UntoldError(ValueError):
         self.keys = tuple(keys)
         self.among = tuple(among)
 
+    @property
+    def worst(self) -> dict[str, str]:
+        """What to leave out next, one at a time where the others may be told without it; and why."""
+        if self.among and len(self.keys) > 1:
+            first, *others = self.keys
+            return {first: _combined(others)}
+        return {key: str(self).removeprefix(f"{key} cannot be found: ") for key in self.keys}
+
+    @property
+    def rest(self) -> list[str]:
+        """What may then be told."""
+        return [key for key in self.among if key not in self.worst]
+
+
+def _combined(others: Sequence[str]) -> str:
+    return f"only its combination with {' and '.join(others)} is told"
+
 
 def one_direction(information: NDArray[np.float64]) -> tuple[float, list[int]]:
     """The combination of numbers that is known worst.
@@ -129,7 +146,7 @@ def told_apart(
         if eigenvalue < ALIKE:
             worst = max(made_of, key=lambda i: alone[i])
             others = [keys[rest[i]] for i in made_of if i != worst]
-            why = f"only its combination with {' and '.join(others)} is told"
+            why = _combined(others)
         else:
             errors = np.sqrt(np.diag(np.linalg.inv(own))) / sizes
             worst = int(np.argmax(errors))

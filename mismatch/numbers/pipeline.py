@@ -27,6 +27,7 @@ from .automatic import told_by
 from .band import numbers_hertz
 from .found import Found
 from .free import AUTO, Free
+from .identifiable import UntoldError
 from .identification import Identification
 from .output_error import output_error, refuse_untold
 from .points import points_of
@@ -102,12 +103,21 @@ def identify(
             else (balances.replay.segments, [])
         )
         left_out: dict[str, str] = {}
-        if keys is None and METHODS[method].cut:
+        chosen = keys is None and METHODS[method].cut
+        if chosen:
             tick("which numbers are told", 0, 1)
             keys, left_out = told_by(balances, train)
         fitted = together.tables[: len(together.tables) - together.held_out]
         work = Work(balances, fitted, train, tolerance, tick)
-        found = METHODS[method].find(work, keys)
+        while True:
+            try:
+                found = METHODS[method].find(work, keys)
+                break
+            except UntoldError as error:
+                if not (chosen and error.rest):
+                    raise
+                left_out |= error.worst
+                keys = tuple(error.rest)
         if found.line:
             balances = Balances(JointReplay(ship, *together.tables, line=True))
         tick("judging", 0, 1)

@@ -183,7 +183,7 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
             "rise from row to row"
         )
     usual = float(np.median(steps))
-    if not _FASTEST_S <= usual <= _SLOWEST_S:
+    if not _FASTEST_S * (1.0 - _EVEN) <= usual <= _SLOWEST_S:
         raise RecordingError(
             f"{path}: {TIME} steps by {usual:.4g} s from row to row; allowed: {_FASTEST_S:g} to "
             f"{_SLOWEST_S:g} s; if it counts another unit, say so in the column map (unit = "

@@ -167,7 +167,13 @@ def best_shares(
     held = 0.0
     for _ in range(MOST_STEPS if np.isfinite(score) else 0):
         rise, bent = _steepness(weight, slopes, sums.counts, shares)
-        root = np.linalg.cholesky(gram(sums.pairs, weight))
+        told = True
+        try:
+            root = np.linalg.cholesky(gram(sums.pairs, weight))
+        except Exception:  # compiled code knows no other; rounding has left no way on
+            told = False
+        if not told:
+            break
         inner = np.linalg.solve(root, bent)
         bends, axes = np.linalg.eigh(np.linalg.solve(root, inner.T.copy()))
         along = axes.T @ np.linalg.solve(root, rise)

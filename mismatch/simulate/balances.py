@@ -117,7 +117,7 @@ class Balances:
         self.gauged = "shaft_torque_N_m" in replay.channels
         self.prime_mover = replay.ship.drive_balance
         rows = []
-        # a pitch that never moves is known no better than its unknown resolution
+        # what never moves is known no better than its unknown resolution
         if replay.controllable and self._moved("pitch_ratio"):
             rows.append(("pitch-actuator", "-"))
         held = not replay.ship.turns_freely
@@ -129,14 +129,13 @@ class Balances:
         if self.moving:
             rows.append(("hull", "N"))
         self.turning = replay.ship.turns and replay.ship.moves
-        # nor a course that is held to the last digit
         if self.turning and self._moved(SWAY_SPEED):
             rows.append(("sway", "N"))
         if self.turning and self._moved(YAW_RATE, HEADING):
             rows.append(("yaw", "N m"))
-        if "thrust_N" in replay.channels:
+        if self._moved("thrust_N"):
             rows.append(("thrust", "N"))
-        if "motor_current_A" in replay.channels and replay.ship.has_voltage:
+        if self._moved("motor_current_A") and replay.ship.has_voltage:
             rows.append(("current", "A"))
         self.names = [name for name, _ in rows]
         self.units = [unit for _, unit in rows]

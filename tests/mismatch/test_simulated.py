@@ -7,15 +7,17 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from shaftline.mismatch import diagnose
-from shaftline.plant import load_ship
+from shaftline.mismatch import diagnose, identify
+from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import signal_columns
+from shaftline.plant.ship_templates import template
 from shaftline.studies.thesis.load_cases import get_case
 
 
-def written(ship: str, case: str, folder: Path) -> Path:
+def written(ship: str | Ship, case: str, folder: Path) -> Path:
     """The file that ``shaftline simulate`` makes of a case."""
-    vessel, file = load_ship(ship), folder / f"{ship}-{case}.csv"
+    vessel = load_ship(ship)
+    file = folder / f"{vessel.name}-{case}.csv"
     samples = get_case(case).run(vessel, seed=0)
     table = pd.DataFrame({c: samples[s] for c, s in signal_columns(vessel).items()})
     table.to_csv(file, index=False, float_format="%.10g")
@@ -44,3 +46,16 @@ def test_a_step_of_the_drive_lacks_nothing(ship: str, tmp_path: Path) -> None:
 def test_any_case_is_judged(ship: str, case: str, tmp_path: Path) -> None:
     found = diagnose(load_ship(ship), written(ship, case, tmp_path)).to_dict()
     assert found["verdict"] in ("nothing-missing", "unexplained", "explained")
+
+
+def test_what_the_search_finds_untold_is_left_out_and_the_rest_found(tmp_path: Path) -> None:
+    """Beforehand friction and the motor's numbers look told apart; at what is found they are not."""
+    ship = template("electric-fixed-pitch")
+    recording = written(ship, "rack_step", tmp_path)
+    found = identify(ship, recording)
+    friction = "transmission.coulomb_friction_engine_side_N_m"
+    assert found.left_out[friction].startswith("only its combination with prime_mover.")
+    for key in ("hull.mass_kg", "prime_mover.motor_constant_V_s_rad"):
+        assert found.parameters[key] == pytest.approx(ship.number(key).value, rel=1e-3)
+    with pytest.raises(ValueError, match="cannot be found together: the recording tells only"):
+        identify(ship, recording, free=[*found.parameters, friction])

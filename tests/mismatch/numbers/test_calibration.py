@@ -74,7 +74,7 @@ def test_a_number_that_is_not_told_stays_as_it_is() -> None:
     assert found.ship.tolerances.numbers["hull.thrust_deduction"] == pytest.approx(0.1 * 0.07)
     (said,) = (r for r in found.remarks if "stays as it is" in r)
     assert "calibration: hull.thrust_deduction stays as it is" in said
-    assert "only a combination" in said
+    assert "only its combination with hull.mass_kg" in said
 
 
 def test_a_number_that_moves_nothing_stays_as_it_is() -> None:

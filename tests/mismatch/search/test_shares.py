@@ -49,6 +49,16 @@ def test_the_inverse_of_a_nearly_singular_matrix_is_hermitian() -> None:
     assert (found == found.conj().transpose(0, 2, 1)).all()
 
 
+def test_without_any_way_on_the_climb_ends_where_it_stands() -> None:
+    """Products that rounding has left with a negative power, as of balances that tell the same."""
+    own = np.array([np.eye(2, dtype=complex)])
+    pairs = -1e3 * np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])[None]
+    crossed = np.ones((1, 1, 2, 2), complex)
+    score, shares, weight = best_shares(Sums(own, crossed, pairs, np.ones(1)), np.zeros(1), 0.05)
+    assert (score, *shares) == (0.0, 0.0)
+    assert (weight == own).all()
+
+
 def by_hand(own: Any, crossed: Any, pairs: Any, counts: Any, shares: Any) -> float:
     k = len(shares)
     total = -float(shares @ shares)
