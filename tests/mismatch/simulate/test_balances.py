@@ -272,6 +272,15 @@ def test_balances_of_the_ship_itself_lack_nothing() -> None:
     assert np.median(np.abs(lacking[balances.names.index("hull")])) < 100.0
 
 
+def test_a_channel_that_stands_still_has_no_balance() -> None:
+    """Its residual would be 0 to the last digit, and no covariance could be inverted."""
+    voyage = frigate_voyage(seed=0)
+    moving = voyage.assign(thrust_N=1e6 + np.arange(len(voyage)))
+    assert "thrust" in Balances(JointReplay(load_ship("frigate"), moving)).names
+    still = voyage.assign(thrust_N=0.0)
+    assert "thrust" not in Balances(JointReplay(load_ship("frigate"), still)).names
+
+
 def test_rates_are_central_differences() -> None:
     assert rate(np.array([0.0, 1.0, 4.0, 9.0]), 0.5) == pytest.approx([2.0, 4.0, 8.0, 10.0])
 
@@ -279,7 +288,7 @@ def test_rates_are_central_differences() -> None:
 def test_a_ship_that_runs_away_is_refused_by_name(bench: Ship) -> None:
     recording = table()
     away: Any = SimpleNamespace(
-        ship=bench, channels=["shaft_speed_rad_s"], controllable=False, time_s=TIME,
+        ship=bench, channels=["shaft_speed_rad_s"], recorded={}, controllable=False, time_s=TIME,
         simulate=lambda plant: None,
         simulated=lambda samples: {"shaft_speed_rad_s": np.where(TIME < 2.0, SPEED, np.nan)},
     )  # fmt: skip
