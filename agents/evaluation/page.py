@@ -8,6 +8,7 @@ import pandas as pd
 
 from ...display.tables import markdown
 from .kpis import KPIS
+from .statistics import LEAST_SEEDS
 
 _ALL = "any"
 """Stands for all observers of the table: the controller does not use the estimate."""
@@ -64,8 +65,9 @@ def page(table: pd.DataFrame, title: str, columns: Sequence[str]) -> str:
         f"## Sea: {sea}\n\n{markdown(cells[rows['sea'] == sea])}" for sea in rows["sea"].unique()
     ]
     notes = [
-        "Interquartile mean over the episodes, with its 95 % bootstrap interval. "
-        "Every cell's figures stand in `table.csv`."
+        "Interquartile mean over the episodes with its 95 % interval, a bootstrap widened by Student's "
+        f"quantile; with fewer than {LEAST_SEEDS} episodes no interval is given. `table.csv` has the "
+        "figures of every cell."
     ]
     if (rows["observer"] == _ALL).any():
         notes.append(
