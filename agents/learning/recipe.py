@@ -34,8 +34,10 @@ from ..policy.residual import Form
 
 ALGORITHMS = ("ppo", "sac")
 _SET_HERE = {"env", "policy", "verbose", "seed", "device", "tensorboard_log", "_init_setup_model"}
-_TAKEN = {"num_envs", "task", "ship", "threads", "action_mode", "control_interval_s"}
-"""Keywords of the environment that are given elsewhere, or that judging and the adapter rest on."""
+_ENVIRONMENT = ("observer", "tuning", "sea", "sensor_noise", "episode_s", "randomise")
+"""Keywords of the environment that a recipe may set. The others are given elsewhere, or the base
+controller depends on them: it expects observations in physical units and a command of the fuel rack.
+"""
 
 
 _RANGES = {
@@ -185,8 +187,11 @@ def recipe_of(
             raise RecipeError(f"{file}: [{task}] {key} = {own[key]!r}: must be a mapping")
     env = (own.get("env_kwargs") or {}) | changes.pop("env_kwargs", {})
     form = asdict(form_of(task)) | (own.get("form") or {}) | changes.pop("form", {})
-    if taken := _TAKEN & set(env):
-        raise RecipeError(f"{file}: [{task}] env_kwargs.{min(taken)}: cannot be set by a recipe")
+    if refused := sorted(map(str, set(env) - set(_ENVIRONMENT))):
+        raise RecipeError(
+            f"{file}: [{task}] env_kwargs.{refused[0]}: cannot be set by a recipe; "
+            f"it may set {', '.join(_ENVIRONMENT)}"
+        )
     _check_keys(file, task, algorithm, values)
     if "observer" in env:
         try:

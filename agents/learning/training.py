@@ -327,10 +327,10 @@ def judged(
         threads: of the environments.
         first_sea: seed of the first of the seas.
     """
+    environment = {"sea": "task", "observer": DEFAULTS.observer} | recipe.env_kwargs
     setting = Setting(
-        "policy", recipe.task, "task", recipe.env_kwargs.get("observer", DEFAULTS.observer),
-        JUDGED_SEEDS, ship, recipe.env_kwargs.get("episode_s", DEFAULTS.episode_s),
-        recipe.env_kwargs.get("sensor_noise", DEFAULTS.sensor_noise), task_model=recipe.rewarded(),
+        "policy", recipe.task, seeds=JUDGED_SEEDS, ship=ship, task_model=recipe.rewarded(),
+        **environment,
     )  # fmt: skip
     kpis, _ = run_episodes(setting, policy, first_seed=first_sea, threads=threads)
     return {name: float(interquartile_mean(kpis[name])) for name in _SHOWN if name != "failed"} | {

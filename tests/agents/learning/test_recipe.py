@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,11 @@ from shaftline.agents.learning.recipe import Recipe, form_of
 from shaftline.agents.policy.policy import trained
 from shaftline.agents.policy.residual import Form
 from shaftline.envs import get_task, tasks
+from shaftline.envs.settings import Settings
+
+CHOSEN = {"observer", "tuning", "sea", "sensor_noise", "episode_s", "randomise"}
+ELSEWHERE = sorted({one.name for one in fields(Settings)} - CHOSEN)
+"""Keywords of the environment that would change what the base controller sees or commands."""
 
 MINE = """
 transit:
@@ -89,7 +94,13 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ("transit: {n_envs: 1, n_timesteps: 1, form: 3}", "form = 3: must be a mapping"),
         ("transit: {n_envs: 1, n_timesteps: 1, weights: {joy: 1}}", "joy"),
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {ship: ferry}}", r"env_kwargs\.ship"),
-        ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {action_mode: rack}}", "action_mode"),
+        *(
+            (
+                f"transit: {{n_envs: 1, n_timesteps: 1, env_kwargs: {{{key}: 1}}}}",
+                rf"env_kwargs\.{key}: cannot be set by a recipe; it may set observer, tuning, sea,",
+            )
+            for key in ELSEWHERE
+        ),
         ("storm: {n_envs: 1}", "no section 'transit'; it has storm"),
         ("transit: 3", "no section 'transit'"),
         ("- a\n- b", "no section 'transit'; it has none"),
