@@ -93,7 +93,7 @@ def evaluate(
 
     Every combination of controller, sea and observer is a cell; cells that already stand in the output
     folder are not sailed again, so an interrupted evaluation goes on where it stopped. Each figure is
-    the interquartile mean over the episodes, in the files with its 95 % bootstrap interval.
+    the interquartile mean over the episodes, in the files with its 95 % interval (from 4 episodes on).
 
     Cells are spread over the cores of this machine. To spread them over several: install
     `shaftline[cluster]` on all, run `dask scheduler` on one and `dask worker ADDRESS` on each, and give

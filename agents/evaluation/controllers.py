@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import sys
 from pathlib import Path
 
 from ...baselines import Controller, ControllerError, controller_names, make_controller
-from ...baselines.registry import read_options
+from ...baselines.registry import CONTROLLERS, read_options
+from ...core.discovery import version_of_others
 from ...core.sweep import source_digest
 from ...plant import Ship
 from ..policy.policy import PolicyError, load_policy, trained
@@ -52,25 +52,17 @@ def load_controller(text: str, ship: Ship, interval_s: float) -> Controller:
 
 
 def label(text: str) -> str:
-    """What a controller is called in tables and cells, for a text that :func:`load_controller` took.
+    """Return a controller's name in tables and cells, for a text that :func:`load_controller` took.
 
-    A file may hold another policy tomorrow, so eight letters of its content and of the source that
-    sails it stand behind a policy's name: cells of the old one are then not taken for the new one's.
+    A file may hold another policy or another controller tomorrow. So a policy's name is followed by
+    eight letters of its content and of the source that runs it, the name of a user's controller by eight
+    letters of its source and of what that imports: results of the old one are then not used again.
     """
     name, _, source = text.partition(":")
     if name != _POLICY:
-        return f"{text} {_own_version(text)}".rstrip()
+        return f"{text} {version_of_others(read_options(text)[0], CONTROLLERS)}".rstrip()
     path = trained().get(source, Path(source))
     return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(path)}"
-
-
-def _own_version(text: str) -> str:
-    """Eight letters that change with the file of a user's own controller; nothing of ours."""
-    name, _ = read_options(text)
-    if ":" not in name:
-        return ""
-    file = getattr(sys.modules.get(name.partition(":")[0]), "__file__", None)
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest()[:8] if file else ""
 
 
 def version_of(policy: Path) -> str:

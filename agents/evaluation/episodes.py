@@ -27,7 +27,7 @@ class Setting:
     Args:
         controller: as it is called in tables.
         task: name; ``NAME:held-out`` for the seas that its training never draws.
-        sea: preset, or ``task`` for those of the task.
+        sea: ``task`` for those of the task, or anything that the environment's ``sea`` takes.
         observer: name.
         seeds: episodes, one a seed.
         ship: preset or path; the one that the task is made for by default.
@@ -37,11 +37,12 @@ class Setting:
         first_seed: seeds run from here.
         randomise: half width of a uniform factor by dotted key of the ship's file: the sailed ship
             has it, observer and controller do not know.
+        tuning: of the observer, its default where None.
     """
 
     controller: str
     task: str
-    sea: str
+    sea: Any
     observer: str
     seeds: int
     ship: str | None = None
@@ -50,6 +51,7 @@ class Setting:
     task_model: Task | None = None
     first_seed: int = 0
     randomise: Mapping[str, float] | None = None
+    tuning: str | None = None
 
     @property
     def vessel(self) -> str:
@@ -61,8 +63,9 @@ class Setting:
         """Its fields as a table has them: with the ship that sails, and no task of a single run."""
         fields = asdict(self) | {"ship": self.vessel}
         del fields["task_model"]
-        if self.randomise is None:
-            del fields["randomise"]
+        for name in ("randomise", "tuning"):
+            if fields[name] is None:
+                del fields[name]
         return fields
 
     @property
@@ -105,6 +108,7 @@ def run_episodes(
         sensor_noise=setting.sensor_noise,
         episode_s=setting.episode_s,
         randomise=setting.randomise,
+        tuning=setting.tuning,
     )
     interval = env.batch.interval_s
     observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)

@@ -11,8 +11,10 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from ...baselines.controller import Predictor
+from ...core.discovery import version_of_others
 from ...core.files import write_atomically, write_json, write_text
 from ...core.sweep import digest_of, source_digest, sweep
+from ...observers.registry import OBSERVERS
 from ...plant import load_ship
 from .episodes import TRACE, Setting, run_episodes
 from .kpis import KPIS
@@ -42,9 +44,15 @@ class Evaluation:
         return str(self.table[[*shown, *kpis]].to_string(index=False, float_format="%.4g"))
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything, as JSON allows."""
+        """Return tables and traces as JSON allows; an interval that is not given is null."""
         traces = [trace.to_dict(orient="list") for trace in self.traces]
-        return {"table": self.table.to_dict(orient="records"), "traces": traces}
+        return {"table": self._rows(), "traces": traces}
+
+    def _rows(self) -> list[dict[str, Any]]:
+        known = self.table.astype(object).where(self.table.notna(), None)
+        return [
+            {str(name): value for name, value in row.items()} for row in known.to_dict("records")
+        ]
 
     def save(
         self,
@@ -62,7 +70,7 @@ class Evaluation:
         folder = Path(folder)
         write_atomically(folder / "table.csv", lambda file: self.table.to_csv(file, index=False))
         write_text(folder / "table.md", page(self.table, title, columns))
-        write_json(folder / "table.json", self.table.to_dict(orient="records"))
+        write_json(folder / "table.json", self._rows())
 
 
 class Episodes(NamedTuple):
@@ -125,7 +133,10 @@ def episodes(
     """
     alone = backend == "processes" and (jobs == 1 or len(settings) == 1)
     work = functools.partial(_sail, make, None if alone else 1)
-    cells = {f"{setting.name}_{version_of_cells(setting.vessel)}": setting for setting in settings}
+    cells = {
+        f"{setting.name}_{version_of_cells(setting.vessel, setting.observer)}": setting
+        for setting in settings
+    }
     found = sweep(
         work, cells, folder / "cells", jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
     )
@@ -149,7 +160,12 @@ def _sail(
     }
 
 
-def version_of_cells(ship: str) -> str:
-    """Eight letters that change with the ship and with the source that cells are made by."""
+def version_of_cells(ship: str, observer: str = "") -> str:
+    """Return eight letters that change with the ship, the package's source and a user's own observer.
+
+    Args:
+        ship: preset or path.
+        observer: name; ``module:Class`` of a user's own.
+    """
     source = source_digest("core", "plant", "observers", "baselines", "envs", "agents/evaluation")
-    return digest_of(f"{source} {load_ship(ship)!r}")
+    return digest_of(f"{source} {load_ship(ship)!r} {version_of_others(observer, OBSERVERS)}")

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -9,7 +11,7 @@ import pytest
 from .conftest import Command
 from .test_bad_input import nothing_written, refused
 
-QUICK = ("--seeds", 3, "--episode-s", 20, "--jobs", 1)
+QUICK = ("--seeds", 4, "--episode-s", 20, "--jobs", 1)
 
 
 def test_controllers_are_compared(shaftline: Command, tmp_path: Path) -> None:
@@ -23,7 +25,7 @@ def test_controllers_are_compared(shaftline: Command, tmp_path: Path) -> None:
     assert (table["fuel_kg_nmi_low"] <= table["fuel_kg_nmi"]).all()
     # a slower governor works the rack less
     assert table["rack_travel_mm_min"][1] < table["rack_travel_mm_min"][0]
-    assert json.loads((tmp_path / "table.json").read_text())[0]["seeds"] == 3
+    assert json.loads((tmp_path / "table.json").read_text())[0]["seeds"] == 4
     assert "combinator:response_s=6" in (tmp_path / "table.md").read_text()
     assert (tmp_path / "comparison.png").stat().st_size > 20_000
     assert (tmp_path / "dashboard-combinator.png").stat().st_size > 5_000
@@ -37,6 +39,29 @@ def test_an_evaluation_goes_on_where_it_stopped(shaftline: Command, tmp_path: Pa
     shaftline(*arguments, "--observer", "oracle", "--observer", "random-walk-kalman")
     assert cell.stat().st_mtime_ns == before
     assert len(list((tmp_path / "cells").glob("*.json"))) == 2
+
+
+def test_an_evaluation_is_made_again_where_an_imported_module_has_changed(tmp_path: Path) -> None:
+    (tmp_path / "gains.py").write_text("RACK = -1.0\n")
+    (tmp_path / "mine.py").write_text(
+        "import numpy as np\nfrom gains import RACK\n"
+        "class Law:\n"
+        "    def __init__(self, ship, interval_s): ...\n"
+        "    def predict(self, observation, state=None, episode_start=None, deterministic=True):\n"
+        "        return np.tile(np.float32([0.0, RACK]), (len(observation), 1)), state\n"
+    )
+    rewards = []
+    for rack in ("-1.0", "-1.0", "0.5"):
+        (tmp_path / "gains.py").write_text(f"RACK = {rack}\n")
+        command = [sys.executable, "-c", "from shaftline.cli.main import main; main()"]
+        done = subprocess.run(
+            [*command, "evaluate", "--controller", "mine:Law", *map(str, QUICK), "--out", "found"],
+            cwd=tmp_path, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        rewards.append(float(pd.read_csv(tmp_path / "found/table.csv")["reward"][0]))
+    assert rewards[0] == rewards[1] != rewards[2]
+    assert len(list((tmp_path / "found/cells").glob("*.json"))) == 2
 
 
 def test_controllers_that_use_no_estimate_take_one_row(shaftline: Command, tmp_path: Path) -> None:

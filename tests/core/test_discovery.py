@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from shaftline.core import discovery
-from shaftline.core.discovery import classes_in, of_others, offered
+from shaftline.core.discovery import classes_in, of_others, offered, version_of_others
 
 
 @pytest.fixture
@@ -61,7 +61,11 @@ def test_a_class_of_the_working_folder(tmp_path: Path, monkeypatch: pytest.Monke
     [
         ("no_such_module:Law", "No module named 'no_such_module'"),
         ("json:Law", "no attribute 'Law'"),
-        (":Law", "cannot be loaded"),
+        (":Law", "cannot be loaded: expected module:Class"),
+        ("..:x", "cannot be loaded: expected module:Class"),
+        (".json:x", "cannot be loaded: expected module:Class"),
+        ("json:JSONDecoder.", "cannot be loaded: expected module:Class"),
+        ("json:a b", "cannot be loaded: expected module:Class"),
         ("json:", None),
     ],
 )
@@ -89,3 +93,31 @@ def test_what_packages_offer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(discovery, "entry_points", lambda group: points)
     assert offered("shaftline.controllers") == ["ahead"]
     assert of_others("ahead", "shaftline.controllers") is json.JSONDecoder
+
+
+def test_the_version_of_a_users_class_changes_with_all_that_it_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {
+        "own_law.py": "import own_gains\nclass Law: ...\n",
+        "own_gains.py": "def gains():\n    from own_tables.deep import TABLE\n    return TABLE\n",
+        "own_tables/__init__.py": "",
+        "own_tables/deep.py": "import numpy\nTABLE = [1.0]\n",
+        "own_bystander.py": "",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    group = "shaftline.controllers"
+    seen = {version_of_others("own_law:Law", group)}
+    for name in ("own_law.py", "own_gains.py", "own_tables/__init__.py", "own_tables/deep.py"):
+        (tmp_path / name).write_text(files[name] + "# another version\n")
+        seen.add(version_of_others("own_law:Law", group))
+    assert len(seen) == 5
+    (tmp_path / "own_bystander.py").write_text("# another version\n")
+    assert version_of_others("own_law:Law", group) in seen
+    assert version_of_others("combinator", group) == ""
+    installed = version_of_others("gymnasium:Env", group)
+    assert len(installed) == 8
+    assert installed == version_of_others("gymnasium:Env", group)

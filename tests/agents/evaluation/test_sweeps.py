@@ -18,7 +18,7 @@ from shaftline.agents.evaluation.page import page
 from shaftline.agents.evaluation.sweeps import episodes, version_of_cells
 from shaftline.baselines.combinator import Combinator
 
-CELL = Setting("combinator", "transit", "state-5", "random-walk-kalman", seeds=3, episode_s=10.0)
+CELL = Setting("combinator", "transit", "state-5", "random-walk-kalman", seeds=4, episode_s=10.0)
 FRIGATE = Path(__file__).parents[3] / "plant/ships/frigate.toml"
 
 
@@ -47,7 +47,7 @@ def test_a_row_is_a_cell_with_the_summary_of_its_episodes(
     fields = {
         key: value
         for key, value in (asdict(CELL) | {"ship": "frigate"}).items()
-        if key not in ("task_model", "randomise")
+        if key not in ("task_model", "randomise", "tuning")
     }
     assert {key: row[key] for key in fields} == fields
     assert len(row) == len(fields) + 3 * len(KPIS)
@@ -78,7 +78,7 @@ def test_finished_cells_are_not_sailed_again(
     kept = episodes(cells, make, folder, jobs=1)
     assert made == cells[:1]
     assert list(kept[1].kpis.columns) == list(KPIS)
-    assert len(kept[1].kpis) == 3
+    assert len(kept[1].kpis) == 4
     assert summary(kept[1].kpis)["reward"][0] == found.table["reward"][0]
 
 
@@ -144,5 +144,9 @@ def test_an_evaluation_says_gives_and_saves_itself(found: Evaluation, tmp_path: 
     assert (tmp_path / "new/table.md").read_text() == page(found.table, "Trial", ["reward"])
     assert json.loads((tmp_path / "new/table.json").read_text()) == told["table"]
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "new/table.csv"), found.table)
+    few = replace(found, table=found.table.assign(reward_low=np.nan))
+    assert few.to_dict()["table"][0]["reward_low"] is None
+    few.save(tmp_path / "few")
+    assert json.loads((tmp_path / "few/table.json").read_text()) == few.to_dict()["table"]
     found.save(tmp_path)
     assert (tmp_path / "table.md").read_text() == page(found.table, "Evaluation", list(KPIS))
