@@ -6,6 +6,7 @@ They see only what a real ship's controller can know.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple, Protocol
@@ -91,6 +92,9 @@ class Controller(ABC):
     Args:
         ship: a ship with a diesel, or its name.
         interval_s: time between two calls of :meth:`predict` [s].
+
+    Raises:
+        ValueError: the interval is not a positive number.
     """
 
     name: ClassVar[str]
@@ -103,6 +107,8 @@ class Controller(ABC):
     """Options that a search may set (:mod:`shaftline.agents.learning.tuning`), with their ranges."""
 
     def __init__(self, ship: str | Ship = "frigate", interval_s: float = 0.5) -> None:
+        if not 0.0 < interval_s < math.inf:
+            raise ValueError(f"control_interval_s = {interval_s} s: must be a positive number")
         self.ship = load_ship(ship)
         self.interval_s = interval_s
         self.plant = self.ship.record()

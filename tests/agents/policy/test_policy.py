@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -300,3 +301,34 @@ def test_what_is_no_policy_is_refused(file: Path, tmp_path: Path) -> None:
         PolicyError, match=r"nowhere: no such policy file; with .* come .*rough-sea"
     ):
         load_policy("nowhere")
+
+
+def test_a_damaged_policy_is_refused_or_still_a_policy(tmp_path: Path) -> None:
+    """Whatever bit of the file has flipped, wherever it ends."""
+    content = trained()["rough-sea"].read_bytes()
+    rng = np.random.default_rng(0)
+    path = tmp_path / "damaged.npz"
+    refused = 0
+    for place in rng.integers(8 * len(content), size=400):
+        damaged = bytearray(content)
+        damaged[place // 8] ^= 1 << (place % 8)
+        path.write_bytes(damaged)
+        with suppress(PolicyError):  # any other error fails the test
+            load_policy(path)
+            continue
+        refused += 1
+    assert refused > 300  # members have checksums; names and times of the archive have none
+    for end in rng.integers(len(content), size=40):
+        path.write_bytes(content[:end])
+        with pytest.raises(PolicyError, match=r"damaged\.npz: not a policy file .*archive"):
+            load_policy(path)
+
+
+@pytest.mark.parametrize("interval", [0, -0.5, float("nan"), float("inf"), 1e400])
+def test_a_policy_with_an_impossible_control_interval_is_refused(
+    altered: Any, interval: float
+) -> None:
+    with pytest.raises(
+        PolicyError, match=r"other\.npz: not a policy file .*control_interval_s = \S+ s: must be"
+    ):
+        load_policy(altered(control_interval_s=interval))
