@@ -1,5 +1,8 @@
 """Diesel engine by its fuel rack map, inside its envelope, with a lag of its torque.
 
+The map holds between the lowest and the highest running speed; :mod:`.low_speed` says what the engine gives
+below them, at standstill and astern.
+
 Two ceilings below the envelope rise with what the engine has given, each behind a lag of its own: the
 smoke limit with the charge air, which a turbocharger builds up in seconds, and the loading limit with
 the warmth of the engine's parts, which takes minutes. Their shape, a straight line over the share of the
@@ -15,9 +18,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...core.compiled import Real, Record, compiled
-from ...core.numeric import clip
+from ...core.numeric import clip, modulus
 from ..keys import INF, effect, measure, number, require
 from ..signals import Signal
+from .low_speed import low_speed_torque
 from .prime_mover import PrimeMover
 
 
@@ -48,7 +52,9 @@ class Diesel(PrimeMover):
     torque_per_rack_N_m_mm: float = number("b", "N m/mm", record="torque_per_rack", gt=0, le=1e6)
     torque_offset_N_m: float = number("c", "N m", record="torque_offset", ge=-1e6, le=1e6)
     rack_max_mm: float = number("end stop of the rack", "mm", record="drive_max", gt=0, le=200)
-    speed_min_rpm: float = measure("lowest running speed", "rpm", ge=0, le=3000)
+    speed_min_rpm: float = measure(
+        "lowest running (idle) speed; below it the fuel ceases to ignite", "rpm", gt=0, le=3000
+    )
     speed_max_rpm: float = measure("highest running speed", "rpm", gt=0, le=5000)
     torque_limit_N_m: float = number(
         "highest brake torque", "N m", record="torque_limit", gt=0, default=INF
@@ -60,6 +66,10 @@ class Diesel(PrimeMover):
     torque_limit_slope_N_m_s_rad: float = number(
         "rise of the limit with engine speed", "N m s/rad", record="torque_limit_slope",
         ge=0, le=1e6, default=0.0,
+    )  # fmt: skip
+    starting_air_torque_N_m: float = number(
+        "torque of starting air below the firing speed, while the rack is open; 0 is no starting air",
+        "N m", record="starting_air_torque", ge=0, le=1e7, default=0.0,
     )  # fmt: skip
     lag_s: float = effect(
         0.0, "first-order lag of the torque", "s", record="engine_lag", ge=0, le=30
@@ -163,7 +173,9 @@ class Diesel(PrimeMover):
 
 @compiled
 def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
-    """Brake torque M_b [N m] of the rack map (thesis eqs. 2-13 and 2-14), before its limits.
+    """Return the brake torque M_b [N m] of the rack map (thesis eqs. 2-13 and 2-14), before its limits.
+
+    The map is a straight line at every speed; :func:`.low_speed_torque` corrects it below idle speed.
 
     Args:
         plant: ship record; ``torque_curvature`` bends the map's straight lines about
@@ -180,7 +192,9 @@ def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 @compiled
 def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
-    """Fuel rack X [mm] at which the rack map gives a brake torque, before end stops and limits.
+    """Return the fuel rack X [mm] at which the rack map gives a brake torque, before stops and limits.
+
+    Below idle speed it is the rack of an engine in which the fuel still ignites.
 
     Args:
         plant: ship record.
@@ -193,18 +207,20 @@ def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Rea
 
 @compiled
 def torque_limit(plant: Record, engine_speed: Real) -> Real:
-    """Upper edge of the engine's envelope [N m]: rising from idle speed, then flat."""
+    """Return the upper edge of the engine's envelope [N m]: flat below idle speed, rising, then flat."""
+    above_idle = engine_speed - plant.engine_speed_min
+    if above_idle.real < 0.0:
+        above_idle = 0.0 * above_idle
     return clip(
-        plant.torque_limit_idle
-        + plant.torque_limit_slope * (engine_speed - plant.engine_speed_min),
+        plant.torque_limit_idle + plant.torque_limit_slope * above_idle,
         -plant.torque_limit,
         plant.torque_limit,
     )
 
 
 @compiled
-def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
-    """Brake torque M_b [N m] of the diesel engine inside its envelope."""
+def _limited_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
+    """Return the torque [N m] of the rack map inside the envelope, as if all fuel ignited."""
     torque = rack_torque(plant, engine_speed, fuel_rack)
     limit = torque_limit(plant, engine_speed)
     if torque.real > limit.real:
@@ -213,10 +229,21 @@ def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 
 
 @compiled
+def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
+    """Return the steady brake torque M_b [N m] inside the envelope, at any speed of either sign."""
+    torque = _limited_torque(plant, engine_speed, fuel_rack)
+    no_fuel = rack_torque(plant, modulus(engine_speed), 0.0)
+    return low_speed_torque(plant, engine_speed, fuel_rack, torque, no_fuel)
+
+
+@compiled
 def _ceiling(lag: float, limit: float, rise: float, followed: Real, torque: Real) -> Real:
-    """A torque [N m] below a limit that rises with the share of rated power that a lag has followed."""
+    """Return a torque [N m] below a limit that rises with the share of rated power that a lag follows.
+
+    An engine that is driven has a negative share; the limit is then that of no charge air, or cold parts.
+    """
     if lag.real > 0.0:
-        highest = limit + rise * followed
+        highest = limit + rise * followed if followed.real > 0.0 else limit + 0.0 * followed
         if torque.real > highest.real:
             return highest
     return torque
@@ -235,18 +262,18 @@ class Burning(NamedTuple):
 def drive_diesel(
     plant: Record, engine_speed: Real, fuel_rack: Real, lagged: Real, charge: Real, warmth: Real
 ) -> Burning:
-    """Brake torque M_b in force, and the rates of what lags behind it.
+    """Return the brake torque M_b in force, and the rates of the states that lag behind it.
 
     Args:
         plant: ship record; ``engine_lag`` 0 lets the torque follow the rack map at once, ``charge_lag``
             and ``warmth_lag`` 0 leave out a ceiling.
         engine_speed: omega_e [rad/s].
         fuel_rack: X [mm].
-        lagged: brake torque state [N m].
+        lagged: brake torque state [N m], as if all fuel ignited; friction follows the speed without lag.
         charge: air that charges the engine, as share of that at rated power [-].
         warmth: of its parts, likewise [-].
     """
-    torque = diesel_torque(plant, engine_speed, fuel_rack)
+    torque = _limited_torque(plant, engine_speed, fuel_rack)
     torque = _ceiling(plant.charge_lag, plant.smoke_limit, plant.smoke_limit_rise, charge, torque)
     torque = _ceiling(
         plant.warmth_lag, plant.loading_limit, plant.loading_limit_rise, warmth, torque
@@ -255,6 +282,8 @@ def drive_diesel(
     if plant.engine_lag.real > 0.0:
         rate = (torque - lagged) / plant.engine_lag
         torque = lagged
+    no_fuel = rack_torque(plant, modulus(engine_speed), 0.0)
+    torque = low_speed_torque(plant, engine_speed, fuel_rack, torque, no_fuel)
     if plant.charge_lag.real > 0.0 or plant.warmth_lag.real > 0.0:
         share = torque * engine_speed / plant.rated_power
         if plant.charge_lag.real > 0.0:
