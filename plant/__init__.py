@@ -14,6 +14,7 @@ from .simulation import Schedule, simulate
 from .state import State
 from .steady_state import Equilibrium, equilibrium
 from .steering import Nomoto, nomoto
+from .validity import ValidityWarning, departures
 from .voyage import Voyage
 from .waves import realise
 
@@ -27,9 +28,11 @@ __all__ = [
     "Ship",
     "ShipError",
     "State",
+    "ValidityWarning",
     "Voyage",
     "along",
     "approach",
+    "departures",
     "equilibrium",
     "get_sea",
     "linearise",

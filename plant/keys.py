@@ -12,6 +12,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
 
+from .validity import Validity
+
 INF = math.inf
 
 
@@ -110,6 +112,8 @@ class Section(BaseModel):
     """Further fields of the kernels' record, worked out from the section's keys, as NumPy has them."""
     needs: ClassVar[str] = ""
     """What all of its numbers need of their ship: names of :data:`LACKING`."""
+    validity: ClassVar[tuple[Validity, ...]] = ()
+    """Ranges in which the section's models hold."""
 
     def fill(self, record: Any) -> None:
         """Write the section's numbers into a ship's record; a section with ``derived`` adds those."""

@@ -33,6 +33,7 @@ from .propeller_curves import (
     FOUR_QUADRANT,
     NO_PROPELLER,
     TABLE,
+    VALIDITY,
     thrust_coefficient,
     torque_coefficient,
 )
@@ -43,6 +44,7 @@ class Propeller(Section):
     """Open-water curves and what may be lost from them."""
 
     needs = "has_propeller"
+    validity = VALIDITY
     derived = (
         ("propeller_model", np.int64),
         ("expanded_area_ratio", np.float64),

@@ -7,17 +7,82 @@ curves for all else too; of a shaft that turns astern J and KQ are those in the 
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..core.compiled import Real, Record, compiled, compiled_apart
 from ..core.numeric import begun_between, newton_step
-from .four_quadrant import between_nodes, four_quadrant_coefficients
-from .open_water import invert_torque_coefficient, open_water, open_water_slope
+from .four_quadrant import PITCH_NODES, between_nodes, four_quadrant_coefficients
+from .open_water import (
+    MIN_REVOLUTIONS,
+    REVOLUTIONS_PER_RADIAN,
+    invert_torque_coefficient,
+    open_water,
+    open_water_slope,
+)
 from .open_water_table import invert_table, table_curve
+from .validity import Validity
 
 POLYNOMIALS, FOUR_QUADRANT, NO_PROPELLER, TABLE = 0, 1, 2, 3
 """Codes of ``plant.propeller_model``. The polynomials are those of the B-series, or constants at bollard
 pull; without a propeller they are 0.
 """
+
+
+_UNUSED = (-math.inf, math.inf)
+
+
+def _is_bollard(plant: Any) -> bool:
+    """Return whether KT and KQ are constants, which were measured at rest in both directions."""
+    curves = np.stack([plant["kt"], plant["kq"]])
+    curves[:, 0, 0] = 0.0
+    return bool(plant["propeller_model"] == POLYNOMIALS and not curves.any())
+
+
+def _advance_ratio(plant: Any, samples: NDArray[Any]) -> NDArray[np.float64]:
+    turns = samples["shaft_speed"] * REVOLUTIONS_PER_RADIAN
+    apart = np.where(turns < 0.0, np.nan, np.maximum(turns, MIN_REVOLUTIONS))
+    return np.asarray(samples["advance_velocity"] / (apart * plant["diameter"]))
+
+
+def _advance_ratios(plant: Any) -> tuple[float, float]:
+    if plant["propeller_model"] in (FOUR_QUADRANT, NO_PROPELLER):
+        return _UNUSED
+    if _is_bollard(plant):
+        return 0.0, 0.0
+    return float(plant["advance_ratio_min"]), float(plant["advance_ratio_max"])
+
+
+def _shaft_speeds(plant: Any) -> tuple[float, float]:
+    any_way = plant["propeller_model"] in (FOUR_QUADRANT, NO_PROPELLER) or _is_bollard(plant)
+    return _UNUSED if any_way else (0.0, math.inf)
+
+
+def _pitch_ratios(plant: Any) -> tuple[float, float]:
+    series = plant["propeller_model"] == FOUR_QUADRANT or (
+        plant["propeller_model"] == POLYNOMIALS and not _is_bollard(plant)
+    )
+    return (PITCH_NODES[0], PITCH_NODES[-1]) if series else _UNUSED
+
+
+VALIDITY = (
+    Validity(
+        "the propeller's advance ratio J", "-", _advance_ratio, _advance_ratios,
+        "KT and KQ are held at the edges of the range, so a shaft at rest in the flow meets no force",
+    ),
+    Validity(
+        "the propeller's shaft speed", "rad/s", lambda _, samples: samples["shaft_speed"],
+        _shaft_speeds, "astern the curves of ahead rotation act with n |n|, no measured ones",
+    ),
+    Validity(
+        "the blades' pitch ratio P/D", "-", lambda _, samples: samples["pitch_ratio"], _pitch_ratios,
+        "the B-series was tested in the range; outside its polynomials are continued, its "
+        "four-quadrant curves held",
+    ),
+)  # fmt: skip
+"""Ranges of the open-water curves. The series' pitch is that of Oosterveld & van Oossanen (1975)."""
 
 
 @compiled

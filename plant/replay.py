@@ -37,6 +37,7 @@ from .simulation import trajectory
 from .state import STATE, Inputs, State
 from .steady_state import equilibrium
 from .term_kernel import outside_at
+from .validity import warn_of_departures
 from .waves import calm
 
 WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
@@ -313,12 +314,16 @@ def simulate_recording(
         The same time base and canonical columns: the inputs as given, everything else simulated.
         Thrust and motor current are there where the recording has them.
 
+    Warns:
+        ValidityWarning: the simulation has left the range of validity of a model; one line for each.
+
     Raises:
         RecordingError: as of :class:`Replay`.
         ShipError: likewise.
     """
     replay = Replay(ship, recording)
     samples = replay.simulate(ship.record(), sea=sea)
+    warn_of_departures(ship, samples)
     helm = [RUDDER] if replay.helm_measured else [RUDDER_COMMAND]
     given = [*input_columns(ship), *WATER, *helm, *sorted(ship.signals)]
     columns: dict[str, Any] = {c: recording[c] for c in given if c in recording}

@@ -19,6 +19,7 @@ from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
 from .stepping import Disturbance, observe, prepare, step
 from .term_kernel import outside_at
+from .validity import warn_of_departures
 from .waves import calm
 
 
@@ -202,6 +203,9 @@ def simulate(
         SAMPLE array of shape (steps + 1,): one sample at every step's start,
         with that step's commands acting, and one at the end.
 
+    Warns:
+        ValidityWarning: the simulation has left the range of validity of a model; one line for each.
+
     Raises:
         ShipError: the ship's delays or its motor do not fit the time step, or a term hears a signal
             that the schedule does not have.
@@ -247,4 +251,5 @@ def simulate(
             f"{ship.name}: the state left all bounds before {lost:.4g} s; is the initial state, a "
             "demand or a number of the ship many orders too large?"
         )
+    warn_of_departures(ship, samples)
     return samples

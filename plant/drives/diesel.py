@@ -1,7 +1,7 @@
 """Diesel engine by its fuel rack map, inside its envelope, with a lag of its torque.
 
-The map holds between the lowest and the highest running speed; :mod:`.low_speed` says what the engine gives
-below them, at standstill and astern.
+The map holds between the lowest and the highest running speed; :mod:`.low_speed` has the torque below
+them, at standstill and astern.
 
 Two ceilings below the envelope rise with what the engine has given, each behind a lag of its own: the
 smoke limit with the charge air, which a turbocharger builds up in seconds, and the loading limit with
@@ -21,7 +21,8 @@ from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip, modulus
 from ..keys import INF, effect, measure, number, require
 from ..signals import Signal
-from .low_speed import low_speed_torque
+from ..validity import Validity
+from .low_speed import FULL_FIRING_SHARE, low_speed_torque
 from .prime_mover import PrimeMover
 
 
@@ -45,6 +46,14 @@ class Diesel(PrimeMover):
         ("engine_speed_max", np.float64),
         ("rated_power", np.float64),
     )
+    validity: ClassVar[tuple[Validity, ...]] = (
+        Validity(
+            "engine speed", "rad/s",
+            lambda plant, samples: plant["gear_ratio"] * samples["shaft_speed"],
+            lambda plant: (float(plant["engine_speed_min"]), float(plant["engine_speed_max"])),
+            "below it friction and what fuel still ignites are assumed, above it the rack map goes on",
+        ),
+    )  # fmt: skip
 
     torque_per_speed_N_m_s_rad: float = number(
         "a", "N m s/rad", record="torque_per_speed", ge=-1e5, le=0
@@ -175,7 +184,7 @@ class Diesel(PrimeMover):
 def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
     """Return the brake torque M_b [N m] of the rack map (thesis eqs. 2-13 and 2-14), before its limits.
 
-    The map is a straight line at every speed; :func:`.low_speed_torque` corrects it below idle speed.
+    The map is a straight line at every speed; :func:`.low_speed_torque` corrects it at low speed.
 
     Args:
         plant: ship record; ``torque_curvature`` bends the map's straight lines about
@@ -194,7 +203,7 @@ def rack_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Real:
     """Return the fuel rack X [mm] at which the rack map gives a brake torque, before stops and limits.
 
-    Below idle speed it is the rack of an engine in which the fuel still ignites.
+    It is the rack of an engine in which all fuel ignites, at low speed too.
 
     Args:
         plant: ship record.
@@ -207,10 +216,18 @@ def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Rea
 
 @compiled
 def torque_limit(plant: Record, engine_speed: Real) -> Real:
-    """Return the upper edge of the engine's envelope [N m]: flat below idle speed, rising, then flat."""
+    """Return the upper edge of the engine's envelope [N m], above 0 at any speed of either sign.
+
+    It rises along a line that ends flat on both sides: at ``torque_limit``, and below idle speed where the
+    fuel begins to fail to ignite, or at half the limit of idle speed if the line falls to that before.
+    """
     above_idle = engine_speed - plant.engine_speed_min
-    if above_idle.real < 0.0:
-        above_idle = 0.0 * above_idle
+    fall = (1.0 - FULL_FIRING_SHARE) * plant.engine_speed_min
+    half = 0.5 * plant.torque_limit_idle
+    if fall.real * plant.torque_limit_slope.real > half.real:
+        fall = half / plant.torque_limit_slope
+    if above_idle.real < -fall.real:
+        above_idle = -fall
     return clip(
         plant.torque_limit_idle + plant.torque_limit_slope * above_idle,
         -plant.torque_limit,
@@ -240,7 +257,7 @@ def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 def _ceiling(lag: float, limit: float, rise: float, followed: Real, torque: Real) -> Real:
     """Return a torque [N m] below a limit that rises with the share of rated power that a lag follows.
 
-    An engine that is driven has a negative share; the limit is then that of no charge air, or cold parts.
+    An engine that is driven has a negative share; the limit is then that of no charge air or cold parts.
     """
     if lag.real > 0.0:
         highest = limit + rise * followed if followed.real > 0.0 else limit + 0.0 * followed

@@ -1,22 +1,24 @@
 """Diesel engine below its idle speed: friction, the fuel that still ignites, stall and starting air.
 
-Below idle speed the brake torque is the sum of two parts, and both vanish at standstill:
+The brake torque is the sum of two parts, and both vanish at standstill:
 
     M_b = M_0(|omega_e|) d(omega_e) + (M - M_0) h(omega_e)
 
-- Friction. M_0 is the map at no fuel, a constant and a part linear in speed: the form of measured friction
-  mean effective pressures (Chen & Flynn 1965; Heywood 2018, chapter 13). It opposes the rotation in either
-  direction: d is the odd cubic (3 r - r^3) / 2 of r = omega_e / (0.1 idle speed), and 1 from r = 1 on.
+- Friction. M_0 is the map at no fuel, a constant and a part linear in speed: the form of measured
+  friction mean effective pressures (Chen & Flynn 1965; Heywood 2018, chapter 13). It opposes the
+  rotation in either direction: d is the odd cubic (3 r - r^3) / 2 of r = omega_e / (0.1 idle speed), and
+  1 from r = 1 on.
 - Fuel. M is the torque of map, limits and lag, and M - M_0 the fuel's part of it. At low speed the
-  compression does not ignite the fuel: h is the cubic r^2 (3 - 2 r), which rises from 0 at the firing speed
-  (0.4 idle speed) to 1 at idle speed. An engine that turns astern burns nothing.
+  compression does not ignite the fuel: h is the cubic r^2 (3 - 2 r), which rises from 0 at 0.4 idle
+  speed, the firing speed, to 1 at 0.8 idle speed. From there on the map acts alone. An engine that
+  turns astern burns nothing.
 
-Value and slope are continuous at the ends of each cubic. The cubics and both shares of the idle speed are
+Value and slope are continuous at the ends of each cubic. The cubics and the shares of the idle speed are
 assumed: no ship of the package has measurements below idle speed.
 
 An engine that its load pulls below the firing speed stalls: only friction is left, whatever its rack. It
-fires again once something turns it above that speed: the propeller in the flow, or starting air. The torque
-of starting air acts while the rack is open and fades as the fuel ignites, by 1 - h(|omega_e|).
+fires again once something turns it above that speed: the propeller in the flow, or starting air. The
+torque of starting air acts while the rack is open and fades as the fuel ignites, by 1 - h(|omega_e|).
 """
 
 from __future__ import annotations
@@ -29,6 +31,9 @@ STICKING_SHARE = 0.1
 
 FIRING_SHARE = 0.4
 """Share of the idle speed below which no fuel ignites."""
+
+FULL_FIRING_SHARE = 0.8
+"""Share of the idle speed from which on all fuel ignites."""
 
 
 @compiled
@@ -48,10 +53,9 @@ def friction_torque(plant: Record, engine_speed: Real, no_fuel: Real) -> Real:
 
 @compiled
 def firing_share(plant: Record, engine_speed: Real) -> Real:
-    """Return the share [-] of the fuel that ignites: 0 below the firing speed, 1 from idle speed on."""
-    firing_speed = FIRING_SHARE * plant.engine_speed_min
-    r = (engine_speed - firing_speed) / (plant.engine_speed_min - firing_speed)
-    r = clip(r, 0.0, 1.0)
+    """Return the share [-] of the fuel that ignites: 0 below the firing speed, 1 near idle speed."""
+    share = engine_speed / plant.engine_speed_min
+    r = clip((share - FIRING_SHARE) / (FULL_FIRING_SHARE - FIRING_SHARE), 0.0, 1.0)
     return r * r * (3.0 - 2.0 * r)
 
 
@@ -61,7 +65,7 @@ def low_speed_torque(
 ) -> Real:
     """Return the brake torque M_b [N m] of an engine that may turn below its idle speed.
 
-    From idle speed on this is ``torque`` itself, to the bit.
+    From 0.8 idle speed on this is ``torque`` itself, to the bit.
 
     Args:
         plant: ship record.
@@ -71,13 +75,13 @@ def low_speed_torque(
         no_fuel: torque M_0 of the rack map at no fuel and the same speed ahead [N m]; a map that gives
             torque there (its rack has another zero) has no friction.
     """
-    if engine_speed.real >= plant.engine_speed_min.real:
+    if engine_speed.real >= FULL_FIRING_SHARE * plant.engine_speed_min.real:
         return torque
     if no_fuel.real > 0.0:
         no_fuel = 0.0 * no_fuel
     firing = firing_share(plant, engine_speed)
     found = friction_torque(plant, engine_speed, no_fuel) + (torque - no_fuel) * firing
-    if plant.starting_air_torque.real > 0.0 and fuel_rack.real > 0.0:
+    if fuel_rack.real > 0.0:
         unfired = 1.0 - firing_share(plant, modulus(engine_speed))
         found = found + plant.starting_air_torque * unfired
     return found

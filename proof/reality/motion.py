@@ -68,7 +68,26 @@ def _engine(ship: Any, omega: float, rack: float) -> Any:
     torque += ship.bend * away * away * (1.0 + ship.bend_skew * away / ship.bend_speed)
     torque *= 1.0 - ship.derating * (1.0 + ship.derating_slope * (omega / 10.0 - 1.0))
     limit = ship.limit_low + ship.limit_slope * (speed - ship.idle)
-    return min(torque, max(min(limit, ship.limit_high), -ship.limit_high))
+    # the envelope of a slow engine shrinks no further than that of one at four fifths of idle speed
+    least = ship.limit_low - min(0.2 * ship.limit_slope * ship.idle, 0.5 * ship.limit_low)
+    return min(torque, min(max(limit, least), ship.limit_high))
+
+
+@compiled
+def _turned_slowly(ship: Any, omega: float, torque: float) -> float:
+    """Return the torque of an engine that may turn too slowly to fire, or astern [N m].
+
+    The rubbing of its parts is what the map leaves without fuel, and takes its sign from the rotation as
+    oil films do, by a hyperbolic tangent. The fuel's part rises with the square of a sine.
+    """
+    speed = ship.gear * omega
+    fires = (speed / ship.idle - 0.4) / 0.4
+    if fires >= 1.0:
+        return torque
+    rubbing = max(-(ship.map_speed * abs(speed) + ship.map_zero), 0.0)
+    rubbing *= 1.0 - ship.derating
+    burnt = (torque + rubbing) * math.sin(0.5 * math.pi * max(fires, 0.0)) ** 2
+    return burnt - rubbing * math.tanh(speed / (0.05 * ship.idle))
 
 
 @compiled
@@ -163,6 +182,7 @@ def _balance(
         rate[3] = y[4]
         rate[4] = own * (own * (torque - y[3]) - 2.0 * ship.lag_damping * y[4])
         torque = y[3]
+    torque = _turned_slowly(ship, omega, torque)
     front = torque * ship.gear * ship.efficiency
     front -= _stribeck(ship, ship.dry_front, ship.wet_front, omega) + generator
     front -= ship.rub * math.tanh(omega / 0.1)  # the friction that the file knows of

@@ -67,14 +67,36 @@ def test_rack_of_torque_inverts_the_rack_map(plant: Any) -> None:
         (IDLE + 49.0, 37883.0),
         (IDLE + 50.0, 38000.0),
         (TOP, 38000.0),
-        (IDLE - 10.0, 10330.0),
-        (-200.0, -38000.0),
+        (IDLE - 5.0, 12665.0),
+        (0.8 * IDLE, 15000.0 - 467.0 * 0.2 * IDLE),
+        (0.5 * IDLE, 15000.0 - 467.0 * 0.2 * IDLE),
+        (0.0, 15000.0 - 467.0 * 0.2 * IDLE),
+        (-200.0, 15000.0 - 467.0 * 0.2 * IDLE),
     ],
 )
 def test_envelope_rises_from_idle_speed_and_is_flat(
     plant: Any, engine_speed: float, limit: float
 ) -> None:
     assert torque_limit(plant, engine_speed) == pytest.approx(limit, rel=1e-12)
+
+
+def test_steep_envelope_falls_to_half_its_torque_at_idle_speed_and_no_further(plant: Any) -> None:
+    plant["torque_limit_slope"] = 15000.0 / 4.0
+    assert torque_limit(plant, IDLE - 1.0) == pytest.approx(11250.0)
+    for speed in (IDLE - 2.0, 0.9 * IDLE, 0.0, -IDLE):
+        assert torque_limit(plant, speed) == pytest.approx(7500.0)
+
+
+def test_engine_without_an_idle_speed_is_refused(frigate: Ship) -> None:
+    with pytest.raises(ShipError, match=r"speed_min_rpm.*greater than 0"):
+        frigate.with_values({"prime_mover.speed_min_rpm": 0.0})
+
+
+def test_no_ceiling_falls_below_its_limit_without_air(plant: Any) -> None:
+    """An engine that was driven has a negative share of the rated power."""
+    plant["charge_lag"], plant["smoke_limit"], plant["smoke_limit_rise"] = 4.0, 1e4, 1e5
+    found = drive_diesel(plant, 78.0, 40.0, 0.0, -0.3, 0.0)
+    assert found.brake_torque == 1e4
 
 
 def test_torque_stays_inside_the_envelope(plant: Any) -> None:

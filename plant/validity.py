@@ -1,0 +1,101 @@
+"""Ranges of validity: each is declared beside its model, and checked over the samples of a simulation.
+
+A section of the ship file lists the ranges of its models in ``validity``. A new model adds a row there;
+simulation, commands and tests then know it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .ship import Ship
+
+ROUNDING = 1e-9
+"""Share of a limit by which a value may lie beyond it: rounding is no departure."""
+
+
+class Validity(NamedTuple):
+    """Range in which a model holds.
+
+    Args:
+        quantity: what must lie in the range, as a noun phrase.
+        unit: SI.
+        values: give the quantity of each sample, from the ship's record and the SAMPLE array; not a
+            number where the model is not in use.
+        limits: give the lowest and the highest value from the ship's record; infinite where there is
+            none.
+        beyond: what the simulation assumes outside the range, as a clause.
+    """
+
+    quantity: str
+    unit: str
+    values: Callable[[Any, NDArray[Any]], NDArray[np.float64]]
+    limits: Callable[[Any], tuple[float, float]]
+    beyond: str
+
+
+class ValidityWarning(UserWarning):
+    """A simulation has left a model's range of validity."""
+
+
+class Departure(NamedTuple):
+    """Range that a simulation has left."""
+
+    row: Validity
+    limits: tuple[float, float]
+    reached: tuple[float, float]  # lowest and highest value of all samples
+    first_s: float  # time of the first sample outside
+    share: float  # of the samples outside [-]
+
+    def __str__(self) -> str:
+        """Return one line for a user."""
+        unit = "" if self.row.unit == "-" else f" {self.row.unit}"
+        low, high = self.limits
+        allowed = f"{low:.4g} to {high:.4g}"
+        if not np.isfinite(high):
+            allowed = f"at least {low:.4g}"
+        elif not np.isfinite(low):
+            allowed = f"at most {high:.4g}"
+        return (
+            f"{self.row.quantity} left its range of validity ({allowed}{unit}) at "
+            f"{self.first_s:.4g} s: it spans {self.reached[0]:.4g} to {self.reached[1]:.4g}{unit} and "
+            f"is outside for {100.0 * self.share:.3g} % of the run; {self.row.beyond}"
+        )
+
+
+def departures(ship: Ship, samples: NDArray[Any]) -> list[Departure]:
+    """Return the ranges of validity that the samples of a simulation leave.
+
+    Args:
+        ship: the ship that was simulated.
+        samples: SAMPLE array, as :func:`shaftline.plant.simulate` gives it.
+    """
+    plant = ship.record()
+    found = []
+    sections = [getattr(ship, name) for name in type(ship).model_fields]
+    for row in (row for section in sections for row in getattr(section, "validity", ())):
+        low, high = row.limits(plant)
+        values = np.asarray(row.values(plant, samples), dtype=np.float64)
+        outside = (values < low - ROUNDING * abs(low)) | (values > high + ROUNDING * abs(high))
+        if outside.any():
+            reached = float(np.nanmin(values)), float(np.nanmax(values))
+            first = float(samples["time"][int(np.argmax(outside))])
+            found.append(Departure(row, (low, high), reached, first, float(outside.mean())))
+    return found
+
+
+def warn_of_departures(ship: Ship, samples: NDArray[Any]) -> None:
+    """Emit one :class:`ValidityWarning` for each range of validity that a simulation leaves.
+
+    Args:
+        ship: the ship that was simulated.
+        samples: SAMPLE array.
+    """
+    for departure in departures(ship, samples):
+        warnings.warn(f"{ship.name}: {departure}", ValidityWarning, stacklevel=3)
