@@ -218,8 +218,8 @@ def rack_of_torque(plant: Record, engine_speed: Real, brake_torque: Real) -> Rea
 def torque_limit(plant: Record, engine_speed: Real) -> Real:
     """Return the upper edge of the engine's envelope [N m], above 0 at any speed of either sign.
 
-    It rises along a line that ends flat on both sides: at ``torque_limit``, and below idle speed where the
-    fuel begins to fail to ignite, or at half the limit of idle speed if the line falls to that before.
+    It rises along a line that ends flat on both sides: at ``torque_limit``, and below idle speed where
+    the fuel begins to fail to ignite, or where the line has fallen to half the limit of idle speed.
     """
     above_idle = engine_speed - plant.engine_speed_min
     fall = (1.0 - FULL_FIRING_SHARE) * plant.engine_speed_min
