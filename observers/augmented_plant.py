@@ -136,7 +136,7 @@ def _disturbed(inputs: Inputs, more: Real) -> Inputs:
         inputs.drive, inputs.pitch_command, inputs.inflow + more, inputs.inflow_slope,
         inputs.inflow_place, inputs.wave_along, inputs.wave_across, inputs.elevation,
         inputs.resistance_factor, inputs.time, inputs.drive_rate, inputs.head_sea,
-        inputs.rudder_command, inputs.outside,
+        inputs.rudder_command, inputs.elevation_slope, inputs.outside,
     )  # fmt: skip
 
 
@@ -148,7 +148,7 @@ def _slopes_of_rates(model: Model, now: State, inputs: Inputs, memory: Record, f
         _move_along(model, i, STEP)
         along = _disturbed(inputs, 1j * (STEP if i == disturbance else 0.0))
         slope, _ = derivatives(
-            model.twin[0], now, along, memory.blade_pitch, memory.ventilated != 0,
+            model.twin[0], now, along, memory.blade_pitch,
             get_state(model.units[i]),
         )  # fmt: skip
         _move_along(model, i, 0.0)
@@ -166,9 +166,7 @@ def _slopes_of_readings(model: Model, inputs: Inputs, memory: Record, h: Floats)
         _move_along(model, i, STEP)
         along = _disturbed(inputs, 1j * (STEP if i == len(model.slots) else 0.0))
         shifted = moved(now, get_state(model.units[i]), STEP * 1j)
-        _, outputs = evaluate(
-            model.twin[0], shifted, along, memory.blade_pitch, memory.ventilated != 0
-        )
+        _, outputs = evaluate(model.twin[0], shifted, along, memory.blade_pitch)
         for c in range(len(model.channels)):
             read = _reading(
                 model.twin[0], shifted, outputs, inputs.rudder_command, model.channels[c]
@@ -204,10 +202,10 @@ def _take_in(
 ) -> float:  # fmt: skip
     """Correct an estimate by the readings of one instant; gives their 2 log L."""
     _put(model, z)
-    now, blade, ventilated = get_state(model.state[0]), memory.blade_pitch, memory.ventilated != 0
+    now, blade = get_state(model.state[0]), memory.blade_pitch
     met = _disturbed(inputs, z[len(model.slots)])
     _slopes_of_readings(model, met, memory, h)
-    _, outputs = evaluate(model.plant[0], now, met, blade, ventilated)
+    _, outputs = evaluate(model.plant[0], now, met, blade)
     before = z.copy()
     likelihood = 0.0
     for c in range(len(model.channels)):
@@ -246,12 +244,16 @@ def _acts(
     helm = course.rudder[min(step, len(course.rudder) - 1)]
     inflow, elevation = course.inflow[at], course.elevation[at]
     drive, rate = memory.rack, 0.0
+    if edge == 0:
+        drive = memory.rack_start
+    elif edge == 1:
+        drive = memory.rack_middle
     if plant.speed_held != 0:
         rate = (memory.rack - shaft) / dt
         drive = shaft + 0.5 * edge * (memory.rack - shaft)
     return Inputs(
         drive, command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, factor,
-        (memory.cursor + 0.5 * edge) * dt, rate, 0.0, helm, outside_at(course.signals, at),
+        (memory.cursor + 0.5 * edge) * dt, rate, 0.0, helm, 0.0, outside_at(course.signals, at),
     )  # fmt: skip
 
 
@@ -269,12 +271,12 @@ def _carry(
     start = _disturbed(_acts(course, plant, memory, shaft, step, 0), u)
     middle = _disturbed(_acts(course, plant, memory, shaft, step, 1), u * fades)
     end = _disturbed(_acts(course, plant, memory, shaft, step, 2), u * fades * fades)
-    blade, ventilated = memory.blade_pitch, memory.ventilated != 0
-    rate, outputs = evaluate(plant, now, start, blade, ventilated)
+    blade = memory.blade_pitch
+    rate, outputs = evaluate(plant, now, start, blade)
     _slopes_of_rates(model, moved(now, rate, 0.5 * dt), middle, memory, f)
     propagate(p, f, len(model.slots) + 1, model.process, dt, room)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
-    following = runge_kutta(plant, now, rate, middle, end, blade, ventilated, dt)
+    following = runge_kutta(plant, now, rate, middle, end, blade, dt)
     set_state(model.state[0], following)
     if plant.speed_held != 0:
         model.state[0].shaft_speed = memory.rack

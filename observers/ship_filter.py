@@ -180,7 +180,7 @@ class ShipFilter:
         first = settled(plant, replay.first_state(), begin)
         if not self.ship.turns_freely:
             begin = begin._replace(drive=first.shaft_speed)
-        _, outputs = evaluate(plant, first, begin, first.pitch_ratio, False)
+        _, outputs = evaluate(plant, first, begin, first.pitch_ratio)
         memory = np.zeros(1, MEMORY)
         settle(plant, memory[0], first, outputs, begin.drive, replay.dt)
         model.state[0] = tuple(first)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
 from .keys import INF, Section, effect, number
@@ -57,9 +60,33 @@ def blade_pitch(plant: Record, actuator_pitch: Real, blade_before: float) -> Rea
     return blade_before
 
 
+class RackTravel(NamedTuple):
+    """Fuel rack [mm] that acts at the start, the middle and the end of a step."""
+
+    start: float
+    middle: float
+    end: float
+
+
 @compiled
-def rack_position(plant: Record, demand: float, rack_before: float, dt: float) -> float:
-    """Fuel rack [mm] after ``dt`` seconds of a demand, with its rate limit and end stops."""
-    travel = plant.rack_rate_limit * dt
-    moved = min(max(demand, rack_before - travel), rack_before + travel)
-    return float(min(max(moved, plant.drive_min), plant.drive_max))
+def rack_travel(plant: Record, demand: float, rack_before: float, dt: float) -> RackTravel:
+    """Return the fuel rack [mm] over a step of ``dt`` seconds, with its rate limit and end stops.
+
+    The rack moves along a straight line and stands still once it has reached the demand, anywhere within
+    the step. The end is where it then stands. Start and middle are such that Simpson's rule, which is
+    how a Runge-Kutta step weighs them, gives the travel's exact mean and first moment. A rack without a
+    rate limit is at the demand throughout.
+    """
+    low, high = plant.drive_min, plant.drive_max
+    demand = min(max(demand, low), high)
+    before = min(max(rack_before, low), high)
+    reach = plant.rack_rate_limit * dt
+    way = demand - before
+    if math.isinf(reach) or way == 0.0:
+        return RackTravel(demand, demand, demand)
+    if abs(way) >= reach:
+        end = before + math.copysign(reach, way)
+        return RackTravel(before, 0.5 * (before + end), end)
+    moves = abs(way) / reach  # share of the step in which the rack moves
+    start = before + way * (1.0 - moves) * (1.0 - 2.0 * moves)
+    return RackTravel(min(max(start, low), high), demand - 0.5 * way * moves * moves, demand)

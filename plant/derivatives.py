@@ -155,7 +155,6 @@ def derivatives(
     state: State,
     inputs: Inputs,
     blade_before: float,
-    ventilated: bool,
     direction: State,
 ) -> tuple[State, Outputs]:
     """Derivatives of :func:`shaftline.plant.dynamics.evaluate` along one direction.
@@ -165,14 +164,11 @@ def derivatives(
         state: real.
         inputs: what acts; real.
         blade_before: as of ``evaluate``.
-        ventilated: likewise.
         direction: how fast each state moves along; all 0 for a number alone.
 
     Returns:
         Of the states' rates and of the outputs, each per unit of the direction. Inside a dead band or
         backlash, or at an end stop, what does not answer has the derivative 0.
     """
-    rate, outputs = evaluate(
-        twin, moved(state, direction, STEP * 1j), inputs, blade_before, ventilated
-    )
+    rate, outputs = evaluate(twin, moved(state, direction, STEP * 1j), inputs, blade_before)
     return _imaginary_rate(rate, 1.0 / STEP), _imaginary_outputs(outputs, 1.0 / STEP)

@@ -25,6 +25,7 @@ from .propeller import propeller_load
 from .rudder import rudder_angle, rudder_forces, rudder_rate
 from .shaft import brake_torque_of, drive_torque, gauge_torque, load_torque, shaft_inertia
 from .state import (
+    AIR,
     LAGGING,
     TERM_STATES,
     WAITING,
@@ -36,7 +37,12 @@ from .state import (
     without_rates,
 )
 from .term_kernel import Heard, Loaded, added, added_before
-from .ventilation import can_ventilate, ventilation_rate
+from .ventilation import (
+    can_ventilate,
+    relative_submergence,
+    suction_head,
+    ventilation_rate,
+)
 
 
 class Loads(NamedTuple):
@@ -96,8 +102,9 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         kinematic = kinematic * drift_inflow(plant, reference, across, state.yaw_rate)
     kinematic = kinematic + inputs.inflow
     place = state.position * inputs.wave_along + state.cross_track * inputs.wave_across
-    kinematic = kinematic + inputs.inflow_slope * (place - inputs.inflow_place)
-    submergence = plant.depth + inputs.elevation
+    departed = place - inputs.inflow_place
+    kinematic = kinematic + inputs.inflow_slope * departed
+    submergence = plant.depth + inputs.elevation + inputs.elevation_slope * departed
     demand = inputs.drive
     states = (state.term_1, state.term_2, state.term_3)
     rudder = 0.0
@@ -186,7 +193,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
 
 @compiled
 def evaluate(
-    plant: Record, state: State, inputs: Inputs, blade_before: float, ventilated: bool
+    plant: Record, state: State, inputs: Inputs, blade_before: float
 ) -> tuple[State, Outputs]:
     """The state's derivative and the outputs (thesis eq. 2-20 with the optional effects).
 
@@ -195,7 +202,6 @@ def evaluate(
         state: continuous states; real or complex.
         inputs: what acts at this instant.
         blade_before: blade pitch at the last step (for backlash) [-].
-        ventilated: on/off state of ventilation.
     """
     blade = blade_pitch(plant, state.pitch_ratio, blade_before)
     acting = loads(plant, state, inputs, blade)
@@ -222,7 +228,12 @@ def evaluate(
         blade_rate = blade_rate + acting.added_pitch_rate
     air_rate = 0.0
     if can_ventilate(plant):
-        air_rate = ventilation_rate(plant, state.ventilation, ventilated)
+        air_rate = ventilation_rate(
+            plant,
+            state.ventilation,
+            relative_submergence(plant, acting.submergence),
+            suction_head(plant, acting.thrust_coefficient, acting.shaft_speed),
+        )
     return (
         State(
             pitch_ratio=blade_rate,
@@ -272,14 +283,17 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
 
     Each lag is linear in its own state and no lag acts on another's, so one Newton step finds them; the
     others take away what rounding leaves. Only a diesel's torque and what it waits for act on each
-    other, and close in on where they rest. The state of a term is sought with all else held, from the
-    value given on in the direction in which it moves; where its rate has no root there, it stays.
+    other, and close in on where they rest. Ventilation and the state of a term are sought with all else
+    held, from the value given, in the direction in which they move. Where the rate has no root there,
+    they stay.
     """
     waits = plant.charge_lag.real > 0.0 or plant.warmth_lag.real > 0.0
     for _ in range(60 if waits else 3):
         state = _without_rates(plant, state, inputs, LAGGING)
         if waits:
             state = _without_rates(plant, state, inputs, WAITING)
+        if can_ventilate(plant):
+            state = moved(state, AIR, _to_rest(plant, state, inputs, AIR))
         for k in range(plant.term_states):
             state = moved(state, TERM_STATES[k], _to_rest(plant, state, inputs, TERM_STATES[k]))
     return state
@@ -287,21 +301,21 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
 
 @compiled
 def _without_rates(plant: Record, state: State, inputs: Inputs, probe: State) -> State:
-    rate, _ = evaluate(plant, state, inputs, state.pitch_ratio, False)
-    beside, _ = evaluate(plant, moved(state, probe, 1.0), inputs, state.pitch_ratio, False)
+    rate, _ = evaluate(plant, state, inputs, state.pitch_ratio)
+    beside, _ = evaluate(plant, moved(state, probe, 1.0), inputs, state.pitch_ratio)
     return without_rates(state, rate, beside, probe)
 
 
 @compiled
 def _to_rest(plant: Record, state: State, inputs: Inputs, direction: State) -> float:
     """How far a state is from where its rate vanishes, by doubled steps and halved intervals."""
-    rate, _ = evaluate(plant, state, inputs, state.pitch_ratio, False)
+    rate, _ = evaluate(plant, state, inputs, state.pitch_ratio)
     begins = along(rate, direction)
     if begins == 0.0:
         return 0.0
     near, far = 0.0, 1e-6 if begins > 0.0 else -1e-6
     for _ in range(80):
-        rate, _ = evaluate(plant, moved(state, direction, far), inputs, state.pitch_ratio, False)
+        rate, _ = evaluate(plant, moved(state, direction, far), inputs, state.pitch_ratio)
         if along(rate, direction) * begins <= 0.0:
             break
         near, far = far, 2.0 * far
@@ -309,7 +323,7 @@ def _to_rest(plant: Record, state: State, inputs: Inputs, direction: State) -> f
         return 0.0
     for _ in range(60):
         middle = 0.5 * (near + far)
-        rate, _ = evaluate(plant, moved(state, direction, middle), inputs, state.pitch_ratio, False)
+        rate, _ = evaluate(plant, moved(state, direction, middle), inputs, state.pitch_ratio)
         if along(rate, direction) * begins > 0.0:
             near = middle
         else:

@@ -122,7 +122,7 @@ def tangent(
     def found(shifted: State, acted: Inputs) -> tuple[list[complex], list[complex]]:
         if plant["speed_held"]:  # then an input, and no state
             shifted = shifted._replace(shaft_speed=acted.drive)
-        rate, out = evaluate(plant, shifted, acted, held, False)
+        rate, out = evaluate(plant, shifted, acted, held)
         values = {**shifted._asdict(), **out._asdict()}
         return (
             [complex(getattr(rate, name)) for name in states],
@@ -213,7 +213,7 @@ def _local(
     if turns:
         bare = bare._replace(rudder_command=float(row["rudder_command"]))
     blade = float(row["pitch_ratio"])
-    _, calm = evaluate(plant, state, bare, blade, False)
+    _, calm = evaluate(plant, state, bare, blade)
     factor = row["resistance"] / calm.resistance if calm.resistance else 1.0
     acting = bare._replace(
         inflow=float(row["advance_velocity"] - calm.advance_velocity),

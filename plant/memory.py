@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled
-from .actuators import rack_position
+from .actuators import rack_travel
 from .keys import Section, effect
 from .state import Outputs, State
-from .ventilation import can_ventilate, ventilation_state
 
 HISTORY = 128
 """Samples that a delay can look back."""
@@ -52,8 +51,9 @@ class Sensors(Section):
 MEMORY = np.dtype(
     [
         ("rack", np.float64),  # rack position, or drive command [mm | V | N m]
+        ("rack_start", np.float64),  # that acts at the start of the step to ``rack``
+        ("rack_middle", np.float64),  # and at its middle
         ("blade_pitch", np.float64),  # of the backlash's play operator [-]
-        ("ventilated", np.int64),
         ("speed_log", np.float64),  # reading of the speed log [m/s]
         ("shaft_torque", np.float64),  # reading of the torque gauge [N m]
         ("shaft_speed", np.float64),  # reading of the shaft's speed sensor [rad/s]
@@ -80,11 +80,16 @@ def _delayed(line: Any, cursor: int, delay_steps: float) -> float:
 
 @compiled
 def begin_step(plant: Record, memory: Record, demand: float, dt: float) -> float:
-    """Pass a drive demand through dead time, rate limit and end stops; gives the drive's input."""
+    """Pass a drive demand through dead time, rate limit and end stops.
+
+    Returns:
+        The drive's input at the step's end; the memory holds those at its start and middle too.
+    """
     if plant.engine_dead_time > 0.0:
         memory.demands[memory.cursor % HISTORY] = demand
         demand = _delayed(memory.demands, memory.cursor, plant.engine_dead_time / dt)
-    memory.rack = rack_position(plant, demand, memory.rack, dt)
+    travel = rack_travel(plant, demand, memory.rack, dt)
+    memory.rack_start, memory.rack_middle, memory.rack = travel
     return float(memory.rack)
 
 
@@ -109,10 +114,6 @@ def read_instruments(
     Seeing the same instant twice changes nothing.
     """
     memory.blade_pitch = outputs.pitch_ratio
-    if can_ventilate(plant):
-        memory.ventilated = ventilation_state(
-            plant, memory.ventilated != 0, outputs.submergence, outputs.thrust_coefficient
-        )
     memory.pitch_ratio = pitch_read(plant, outputs.pitch_ratio)
     torque = outputs.shaft_torque
     if plant.torque_sensor_delay > 0.0:
@@ -127,7 +128,8 @@ def read_instruments(
 
 @compiled
 def end_step(plant: Record, memory: Record, ship_speed: float, dt: float) -> None:
-    """Count the step and let the speed log follow."""
+    """Count the step, let the rack stand and the speed log follow."""
+    memory.rack_start = memory.rack_middle = memory.rack
     memory.cursor += 1
     if plant.speed_log_lag > 0.0:
         share = 1.0 - math.exp(-dt / plant.speed_log_lag)
@@ -141,8 +143,7 @@ def settle(
     plant: Record, memory: Record, state: State, outputs: Outputs, demand: float, dt: float
 ) -> None:
     """Fill the memories as if the plant had been in this state for ever."""
-    memory.rack = demand
-    memory.ventilated = 0
+    memory.rack = memory.rack_start = memory.rack_middle = demand
     memory.cursor = 0
     memory.demands[:] = demand
     memory.torques[:] = outputs.shaft_torque

@@ -38,6 +38,14 @@ from .propeller_curves import (
     torque_coefficient,
 )
 from .surroundings import static_pressure
+from .ventilation import (
+    SURFACE_TORQUE_POWER,
+    can_ventilate,
+    lost_suction,
+    relative_submergence,
+    suction_head,
+    surface_factor,
+)
 
 
 class Propeller(Section):
@@ -264,7 +272,14 @@ def propeller_load(
     if n.real < 0.0:
         kt_n2 = kt_n2 * plant.astern_load_fraction
         kq_n2 = kq_n2 * plant.astern_load_fraction
-    kt_n2 = kt_n2 * (1.0 - ventilation * plant.ventilation_thrust_loss)
-    kq_n2 = kq_n2 * (1.0 - ventilation * plant.ventilation_torque_loss)
+    relative = relative_submergence(plant, submergence)
+    if can_ventilate(plant):
+        lost = lost_suction(plant, relative, suction_head(plant, deep_kt, shaft_speed))
+        kt_n2 = kt_n2 * (1.0 - ventilation * plant.ventilation_thrust_loss * lost)
+        kq_n2 = kq_n2 * (1.0 - ventilation * plant.ventilation_torque_loss * lost)
+    if plant.ventilation_surface_loss != 0.0:
+        left = surface_factor(relative)
+        kt_n2 = kt_n2 * (1.0 - plant.ventilation_surface_loss * (1.0 - left))
+        kq_n2 = kq_n2 * (1.0 - plant.ventilation_surface_loss * (1.0 - left**SURFACE_TORQUE_POWER))
     force = plant.density * plant.diameter**4
     return PropellerLoad(force * kt_n2, force * plant.diameter * kq_n2, deep_kt)

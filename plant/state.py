@@ -166,6 +166,9 @@ TERM_STATES = tuple(
 )
 """Directions of the states of terms, one by one."""
 
+AIR = State(*(1.0 if name == "ventilation" else 0.0 for name in State._fields))
+"""Direction of the degree of ventilation."""
+
 LAGGING, WAITING = (
     State(
         *(
@@ -206,7 +209,7 @@ class Inputs(NamedTuple):
     pitch_command: Real  # P/D [-]
     inflow: Real = 0.0  # disturbance u_x of the advance velocity [m/s]
     inflow_slope: float = 0.0  # of the wave field along the waves' travel [1/s]
-    inflow_place: float = 0.0  # along it, where ``inflow`` holds [m]
+    inflow_place: float = 0.0  # along it, where ``inflow`` and ``elevation`` hold [m]
     wave_along: float = 0.0  # cosine of the waves' travel's angle to a heading of 0 [-]
     wave_across: float = 0.0  # its sine [-]
     elevation: Real = 0.0  # of the surface above the propeller [m]
@@ -215,6 +218,7 @@ class Inputs(NamedTuple):
     drive_rate: Real = 0.0  # of a speed that is held [rad/s2]
     head_sea: Real = 0.0  # significant height squared of waves from ahead [m2]
     rudder_command: Real = 0.0  # [rad]
+    elevation_slope: float = 0.0  # of the wave field along the waves' travel [-]
     outside: tuple[Real, ...] = NO_SIGNALS  # signals from outside that terms hear
 
 
@@ -223,7 +227,7 @@ def steady_inputs(drive: Real, pitch_command: Real, inflow: Real, elevation: Rea
     """What acts with nothing else beside these, for kernels, where a tuple's defaults do not act."""
     return Inputs(
         drive, pitch_command, inflow, 0.0, 0.0, 0.0, 0.0, elevation, 1.0, 0.0, 0.0, 0.0, 0.0,
-        NO_SIGNALS,
+        0.0, NO_SIGNALS,
     )  # fmt: skip
 
 

@@ -61,7 +61,7 @@ def equilibrium(
         state = settled(plant, bare, inputs)
         if plant["term_count"] > 0:
             # what acts on the actuator keeps the blades away from the command
-            rate, _ = evaluate(plant, state, inputs, blade, False)
+            rate, _ = evaluate(plant, state, inputs, blade)
             away = float(plant["pitch_time_constant"]) * rate.pitch_ratio
             state = settled(plant, state._replace(pitch_ratio=blade + away), inputs)
         return state
@@ -69,7 +69,7 @@ def equilibrium(
     def residual(unknown: Any) -> list[float]:
         shaft_speed = float(unknown[0])
         ship_speed = float(unknown[1]) if moving else 0.0
-        rate, outputs = evaluate(plant, complete(shaft_speed, ship_speed), inputs, blade, False)
+        rate, outputs = evaluate(plant, complete(shaft_speed, ship_speed), inputs, blade)
         scale = max(abs(outputs.shaft_torque), 1e-9)
         shaft = rate.shaft_speed * float(plant["inertia_engine_side"]) / scale
         if not ship.turns_freely:
@@ -85,7 +85,7 @@ def equilibrium(
         if np.max(np.abs(residual(found.x))) < 1e-9 and found.x[0] > 1e-3:
             turns = float(found.x[0]) if ship.turns_freely else float(drive)
             state = complete(turns, float(found.x[1]) if moving else 0.0)
-            _, outputs = evaluate(plant, state, inputs, blade, False)
+            _, outputs = evaluate(plant, state, inputs, blade)
             return Equilibrium(state, outputs, inputs)
     raise ValueError(
         f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} and pitch "

@@ -51,6 +51,7 @@ def _inputs(
         drive_rate,
         wave.head_sea,
         rudder_command,
+        wave.elevation_slope,
         disturbance.outside,
     )
 
@@ -63,13 +64,12 @@ def runge_kutta(
     middle: Inputs,
     end: Inputs,
     blade_before: float,
-    ventilated: bool,
     dt: float,
 ) -> State:
     """One classic fourth-order Runge-Kutta step of length ``dt`` [s] from the derivative ``k1``."""
-    k2, _ = evaluate(plant, moved(state, k1, 0.5 * dt), middle, blade_before, ventilated)
-    k3, _ = evaluate(plant, moved(state, k2, 0.5 * dt), middle, blade_before, ventilated)
-    k4, _ = evaluate(plant, moved(state, k3, dt), end, blade_before, ventilated)
+    k2, _ = evaluate(plant, moved(state, k1, 0.5 * dt), middle, blade_before)
+    k3, _ = evaluate(plant, moved(state, k2, 0.5 * dt), middle, blade_before)
+    k4, _ = evaluate(plant, moved(state, k3, dt), end, blade_before)
     following = moved(state, k1, dt / 6.0)
     following = moved(following, k2, dt / 3.0)
     following = moved(following, k3, dt / 3.0)
@@ -117,7 +117,7 @@ def step(
     if sea.present != 0 and memory.cursor % SYNC_STEPS == 0:
         synchronise(sea, time, now, 0.5 * dt)
     wave = motion(sea)
-    begins = middles = delivered
+    begins, middles = memory.rack_start, memory.rack_middle
     speed_rate = 0.0
     if plant.speed_held != 0:
         begins = now.shaft_speed
@@ -140,10 +140,9 @@ def step(
         delivered, pitch_command, rudder_command, sea, end, wave, episode, time + dt, speed_rate
     )
     blade = memory.blade_pitch
-    ventilated = memory.ventilated != 0
-    rate, outputs = evaluate(plant, now, first, blade, ventilated)
+    rate, outputs = evaluate(plant, now, first, blade)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
-    following = runge_kutta(plant, now, rate, second, third, blade, ventilated, dt)
+    following = runge_kutta(plant, now, rate, second, third, blade, dt)
     set_state(state, following)
     if plant.speed_held != 0:
         state.shaft_speed = delivered
@@ -170,7 +169,7 @@ def observe(
     inputs = _inputs(
         memory.rack, pitch_command, rudder_command, sea, disturbance, wave, episode, time, 0.0
     )
-    _, outputs = evaluate(plant, now, inputs, memory.blade_pitch, memory.ventilated != 0)
+    _, outputs = evaluate(plant, now, inputs, memory.blade_pitch)
     read_instruments(plant, memory, now.shaft_speed, outputs, dt)
     return outputs
 
@@ -197,5 +196,5 @@ def prepare(
     inputs = _inputs(
         stands, now.pitch_ratio, now.rudder_angle, sea, disturbance, wave, episode, 0.0, 0.0
     )
-    _, outputs = evaluate(plant, now, inputs, now.pitch_ratio, False)
+    _, outputs = evaluate(plant, now, inputs, now.pitch_ratio)
     settle(plant, memory, now, outputs, stands, dt)

@@ -1,45 +1,112 @@
-"""Ventilation: air drawn to the propeller when it comes near the surface under load.
+"""Ventilation: air drawn to a loaded propeller near the surface, and the thrust and torque lost by it.
 
-Whether a propeller ventilates depends on its relative submergence h/R and on its loading, and once
-air is drawn in it stays until the propeller has dived deeper than where it began (Smogeli 2006,
-chapter 2; Kozlowska et al. 2009). Here:
+A blade draws air where the suction of its loading exceeds the static head of the water above it. Both
+are compared as heads over the radius R:
 
-- onset where h/R < onset_submergence + loading_gain * KT,
-- recovery where h/R > recovery_submergence + loading_gain * KT,
-- the degree of ventilation follows the on/off state with a growth and a washout time,
-- thrust and torque fall by ``thrust_loss`` and ``torque_loss`` at full ventilation.
+- static head: the relative submergence h/R of the propeller's centre;
+- suction head: H/R with H = T0 / (rho g A0) = 4 KT n^2 D^2 / (pi g), the thrust without air over the
+  disc area as a column of water. It grows with loading and with the square of the shaft speed; equal
+  values at two scales are Froude's similarity.
 
-With both losses at 0, their neutral value, the propeller never ventilates.
+The equations and their sources:
+
+1. *Inception and washout.* Air comes where h/R < onset + suction_gain H/R, and it leaves where h/R
+   exceeds that by ``hysteresis``. Tests show that ventilation depends on h/R and on the shaft speed
+   together, that it comes abruptly and that it stays beyond where it came (Smogeli 2006, chapter 2;
+   Kozlowska, Steen and Koushan 2009). The linear form in H/R is an assumption. The degree a of
+   ventilation moves by
+
+       da/dt = (s - a) (s / growth_time + (1 - s) / washout_time),
+       s = (1 + tanh(z / 2)) / 2,
+       z = ((onset + suction_gain H/R + hysteresis / 2 - h/R) / G + a - 1/2) / W,
+
+   with W = 0.1 and with G such that its folds lie at the two limits. Between them two degrees are
+   stable. The hysteresis is thus a property of a smooth equation, no switch is remembered between
+   steps, and a fourth-order integration keeps its order.
+2. *Loss of a ventilated blade.* A plate whose suction side is at the pressure of the atmosphere has the
+   lift coefficient (pi/2) alpha + 2 g h / V^2 (Minsaas, Faltinsen and Persson 1983; Kozlowska et al.
+   2009), where a wetted one has 2 pi alpha. The suction side, 3/4 of the lift, is thus replaced by the
+   static head on the blade area A_E = EAR A0. The share of the suction that is lost,
+   max(0, 1 - EAR h / (3/4 H)), is smoothed to
+
+       phi = exp(-EAR h / (3/4 H)),  T = T0 (1 - a thrust_loss phi),  Q = Q0 (1 - a torque_loss phi),
+
+   which has the same limits and the same first term for a fast shaft. The theory's ``thrust_loss`` is
+   0.75, and ``torque_loss`` follows from KQ/KQ0 = (KT/KT0)^m with m of 0.8 to 0.85 (Minsaas et al.
+   1983): 0.68. ``static_head_share`` multiplies h in phi; 0 leaves fixed shares, a form with two
+   parameters for the identification from a recording.
+3. *Loss of disc area and Wagner effect*, at any loading (Minsaas, Thon and Kauczynski 1987):
+   beta = 1 - 0.675 (1 - 0.769 h/R)^1.258 for h/R < 1.3, else 1, and beta^0.8 for the torque. It acts by
+   the share ``surface_loss``. Its two corners are rounded, over 0.05 of 1 - 0.769 h/R and over 0.02 of
+   beta.
+
+Over the shaft speed at one depth, thrust rises, drops where air comes, and rises again more slowly.
+
+Range: advance ahead, h/R from 0 to 3.4, H/R to about 9 (the tests of open propellers at low advance).
+Equation 3 is printed from h/R = 0 on; its curve reaches 0 at h/R = -0.48. Equation 2 leaves out how a
+cavity closes between the blades, and that blades leave the water one by one. With both losses and
+``surface_loss`` at 0, their neutral value, nothing is lost.
 """
 
 from __future__ import annotations
 
-from pydantic import model_validator
+import math
+
+import numpy as np
 
 from ..core.compiled import Real, Record, compiled
+from ..core.numeric import clip
 from .keys import Section, effect, number
+from .open_water import REVOLUTIONS_PER_RADIAN
+from .surroundings import GRAVITY
+
+SUCTION_SHARE = 0.75
+"""Share of a wetted blade's lift that is lost without its suction side: 1 - (pi / 2) / (2 pi)."""
+
+ROUNDING = 0.05
+"""Width over which the corner of a head is rounded [-]."""
+
+SURFACE_TORQUE_POWER = 0.8
+"""Power m of KQ/KQ0 = (KT/KT0)^m where blades near the surface lose thrust [-]."""
+
+_SHARPNESS = (
+    0.1  # W: width of the switch over its shift by the degree; below 0.25 it has two states
+)
+_FOLD = 0.5 * (1.0 - math.sqrt(1.0 - 4.0 * _SHARPNESS))  # the degree at which air breaks in
+_REACH = 1.0 - 2.0 * _FOLD - 2.0 * _SHARPNESS * math.log((1.0 - _FOLD) / _FOLD)
 
 
 class Ventilation(Section):
-    """Ventilation of the propeller; absent while both losses are 0."""
+    """Ventilation of the propeller; absent while the losses are 0."""
 
     needs = "has_propeller"
 
     thrust_loss: float = effect(
-        0.0, "share of thrust lost", record="ventilation_thrust_loss", ge=0, le=0.95
+        0.0, "share of thrust lost to air", record="ventilation_thrust_loss", ge=0, le=0.95
     )
     torque_loss: float = effect(
-        0.0, "share of torque lost", record="ventilation_torque_loss", ge=0, le=0.95
+        0.0, "share of torque lost to air", record="ventilation_torque_loss", ge=0, le=0.95
     )
+    surface_loss: float = effect(
+        0.0, "share of the loss of disc area near the surface that acts",
+        record="ventilation_surface_loss", ge=0, le=1,
+    )  # fmt: skip
+    static_head_share: float = number(
+        "share of the static head that carries ventilated blades; with 0 the losses are fixed shares",
+        record="ventilation_static_head", ge=0, le=1, default=1.0,
+    )  # fmt: skip
     onset_submergence: float = number(
-        "h/R of onset", record="ventilation_onset_submergence", ge=-1, le=5, default=1.0
-    )
-    recovery_submergence: float = number(
-        "h/R of recovery", record="ventilation_recovery_submergence", ge=-1, le=6, default=1.3
-    )
-    loading_gain: float = number(
-        "h/R added per unit KT", record="ventilation_loading_gain", ge=0, le=10, default=0.0
-    )
+        "h/R of onset without load", record="ventilation_onset_submergence", ge=-1, le=5,
+        default=0.0,
+    )  # fmt: skip
+    suction_gain: float = number(
+        "h/R of onset added per suction head H/R", record="ventilation_suction_gain", ge=0, le=5,
+        default=0.5,
+    )  # fmt: skip
+    hysteresis: float = number(
+        "h/R of recovery minus h/R of onset", record="ventilation_hysteresis", ge=0.05, le=3,
+        default=0.3,
+    )  # fmt: skip
     growth_time_s: float = number(
         "time constant of growth", "s", record="ventilation_growth_time", ge=0.05, le=20,
         default=0.5,
@@ -49,43 +116,90 @@ class Ventilation(Section):
         default=1.5,
     )  # fmt: skip
 
-    @model_validator(mode="after")
-    def _in_order(self) -> Ventilation:
-        if self.recovery_submergence < self.onset_submergence:
-            raise ValueError("recovery_submergence must not be below onset_submergence")
-        return self
-
 
 @compiled
 def can_ventilate(plant: Record) -> bool:
-    """Whether the ship's record has ventilation switched on."""
+    """Return whether the ship's record has ventilation switched on."""
     thrust, torque = plant.ventilation_thrust_loss, plant.ventilation_torque_loss
     return bool(thrust.real > 0.0 or torque.real > 0.0)
 
 
 @compiled
-def ventilation_state(
-    plant: Record, ventilated: bool, submergence: float, thrust_coefficient: float
-) -> bool:
-    """On/off state with hysteresis.
-
-    Args:
-        plant: ship record.
-        ventilated: state before.
-        submergence: depth h of the propeller's centre [m].
-        thrust_coefficient: KT [-] that the propeller would have without air, in the direction of
-            rotation: one that is driven by the flow draws none in.
-    """
-    relative = 2.0 * submergence / plant.diameter
-    shift = plant.ventilation_loading_gain * thrust_coefficient
-    if ventilated:
-        return bool(relative <= plant.ventilation_recovery_submergence + shift)
-    return bool(relative < plant.ventilation_onset_submergence + shift)
+def _rounded(x: Real, width: float) -> Real:
+    """Return max(x, 0) with its corner rounded over ``width``: log(1 + exp(x / width)) width."""
+    if x.real > 40.0 * width:
+        return x
+    if x.real < -40.0 * width:
+        return width * np.exp(clip(x / width, -600.0, 0.0))
+    return width * np.log(1.0 + np.exp(x / width))
 
 
 @compiled
-def ventilation_rate(plant: Record, degree: Real, ventilated: bool) -> Real:
-    """d(degree)/dt [1/s] towards 1 with the growth time, towards 0 with the washout time."""
-    if ventilated:
-        return (1.0 - degree) / plant.ventilation_growth_time
-    return -degree / plant.ventilation_washout_time
+def relative_submergence(plant: Record, submergence: Real) -> Real:
+    """Return h/R [-] from the depth h [m] of the propeller's centre."""
+    return 2.0 * submergence / plant.diameter
+
+
+@compiled
+def suction_head(plant: Record, thrust_coefficient: Real, shaft_speed: Real) -> Real:
+    """Return the suction head H/R [-] of the loaded disc.
+
+    Args:
+        plant: ship record.
+        thrust_coefficient: KT [-] that the propeller would have without air, positive where the thrust
+            points in the direction of rotation: a propeller that is driven by the flow draws no air.
+        shaft_speed: omega [rad/s].
+    """
+    n = shaft_speed * REVOLUTIONS_PER_RADIAN
+    return 8.0 / (math.pi * GRAVITY) * plant.diameter * thrust_coefficient * n * n
+
+
+@compiled
+def lost_suction(plant: Record, relative: Real, suction: Real) -> Real:
+    """Return phi, the share [0, 1] of the blades' suction that the static head cannot carry.
+
+    Args:
+        plant: ship record.
+        relative: h/R [-].
+        suction: H/R [-].
+    """
+    if plant.ventilation_static_head == 0.0:
+        return 1.0 + 0.0 * relative
+    head = plant.ventilation_static_head * plant.expanded_area_ratio * _rounded(relative, ROUNDING)
+    wanted = SUCTION_SHARE * suction
+    if wanted.real * 700.0 <= head.real or wanted.real <= 0.0:
+        return 0.0 * relative
+    return np.exp(-head / wanted)
+
+
+@compiled
+def surface_factor(relative: Real) -> Real:
+    """Return beta [-], thrust near the surface over thrust in deep water without ventilation.
+
+    Args:
+        relative: h/R [-].
+    """
+    near = _rounded(1.0 - 0.769 * relative, ROUNDING)
+    return _rounded(1.0 - 0.675 * near**1.258, 0.4 * ROUNDING)
+
+
+@compiled
+def ventilation_rate(plant: Record, degree: Real, relative: Real, suction: Real) -> Real:
+    """Return d(degree)/dt [1/s], equation 1 of this module.
+
+    Args:
+        plant: ship record.
+        degree: of ventilation, 0 to 1.
+        relative: h/R [-].
+        suction: H/R [-].
+    """
+    middle = (
+        plant.ventilation_onset_submergence
+        + plant.ventilation_suction_gain * suction
+        + 0.5 * plant.ventilation_hysteresis
+    )
+    shift = plant.ventilation_hysteresis * (1.0 / _REACH)
+    z = ((middle - relative) / shift + degree - 0.5) * (1.0 / _SHARPNESS)
+    share = 0.5 * (1.0 + np.tanh(0.5 * clip(z, -40.0, 40.0)))
+    pace = share / plant.ventilation_growth_time + (1.0 - share) / plant.ventilation_washout_time
+    return (share - degree) * pace

@@ -4,7 +4,7 @@ The field moves past the ship as the ship moves through it, so the frequency of 
 any speed and on any heading, and needs no formula. In the kernels the field is worked out ahead for the
 next ten steps, every half step, along the path of a ship that keeps her velocity: there each of the 64
 components is a unit phasor that turns with its encounter frequency. What the ship's position departs
-from that path is followed by the field's slope.
+from that path is followed by the slopes of inflow and elevation.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ SEA = np.dtype(
         ("amplitude", np.float64, _LANES),  # of the elevation [m]
         ("velocity", np.float64, _LANES),  # against the waves' travel, at the propeller [m/s]
         ("slope", np.float64, _LANES),  # of the velocity along their travel, per sine [1/s]
+        ("tilt", np.float64, _LANES),  # slope of the elevation along their travel, per sine [-]
         ("frequency", np.float64, _LANES),  # [rad/s], at a fixed point
         ("wavenumber", np.float64, _LANES),  # along their travel, negative [rad/m]
         ("phase", np.float64, _LANES),  # [rad]
@@ -57,6 +58,7 @@ SEA = np.dtype(
         ("inflow", np.float64, (_POINTS,)),  # [m/s]
         ("inflow_slope", np.float64, (_POINTS,)),  # [1/s]
         ("elevation", np.float64, (_POINTS,)),  # [m]
+        ("elevation_slope", np.float64, (_POINTS,)),  # [-]
         ("passed", np.int64),  # points since then
         ("reference_place", np.float64),  # of the path's first point, along the waves' travel [m]
         ("reference_advance", np.float64),  # between two of its points [m]
@@ -116,6 +118,7 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
     record["frequency"] = frequency
     record["wavenumber"] = -wavenumber
     record["slope"] = -record["velocity"] * record["wavenumber"]
+    record["tilt"] = -record["amplitude"] * record["wavenumber"]
     record["phase"] = rng.uniform(0.0, 2.0 * math.pi, COMPONENTS)
     _face(record, 0.0)
     return record
@@ -127,8 +130,9 @@ class WaveMotion(NamedTuple):
     inflow: float  # [m/s]
     inflow_slope: float  # along the waves' travel [1/s]
     elevation: float  # [m]
-    place: float  # along their travel, where the inflow holds [m]
+    place: float  # along their travel, where inflow and elevation hold [m]
     head_sea: float  # significant height squared of waves from ahead [m2]
+    elevation_slope: float  # along the waves' travel [-]
 
 
 @compiled
@@ -199,16 +203,19 @@ def _superpose(sea: Record) -> None:
     points beyond it, so after 22 of them a phasor is wrong by less than 1e-12.
     """
     for i in range(0, _POINTS, 2):
-        u = slope = elevation = next_u = next_slope = next_elevation = 0.0
+        u = slope = elevation = tilt = 0.0
+        next_u = next_slope = next_elevation = next_tilt = 0.0
         for k in range(COMPONENTS):
             twice, amplitude = 2.0 * sea.turn_cosine[k], sea.amplitude[k]
             c, s, next_c, next_s = sea.cosine[k], sea.sine[k], sea.next_cosine[k], sea.next_sine[k]
             u += sea.velocity[k] * c
             slope += sea.slope[k] * s
             elevation += amplitude * c
+            tilt += sea.tilt[k] * s
             next_u += sea.velocity[k] * next_c
             next_slope += sea.slope[k] * next_s
             next_elevation += amplitude * next_c
+            next_tilt += sea.tilt[k] * next_s
             sea.cosine[k] = c = twice * next_c - c
             sea.sine[k] = s = twice * next_s - s
             sea.next_cosine[k] = twice * c - next_c
@@ -216,6 +223,7 @@ def _superpose(sea: Record) -> None:
         sea.inflow[i], sea.inflow[i + 1] = u, next_u
         sea.inflow_slope[i], sea.inflow_slope[i + 1] = slope, next_slope
         sea.elevation[i], sea.elevation[i + 1] = elevation, next_elevation
+        sea.elevation_slope[i], sea.elevation_slope[i + 1] = tilt, next_tilt
 
 
 @compiled_sum
@@ -262,8 +270,9 @@ def motion(sea: Record) -> WaveMotion:
         return WaveMotion(
             sea.met * sea.inflow[i], sea.met * sea.inflow_slope[i], sea.elevation[i],
             sea.reference_place + i * sea.reference_advance, sea.head_sea,
+            sea.elevation_slope[i],
         )  # fmt: skip
-    return WaveMotion(0.0, 0.0, 0.0, 0.0, 0.0)
+    return WaveMotion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled

@@ -90,7 +90,7 @@ def _solve_ivp_rate(sea: str | None) -> float:
     def rate(t: float, x: Any) -> Any:
         state = State(*x)
         inflow = field(record, t, state.position)[0] if record is not None else 0.0
-        return np.array(evaluate(plant, state, Inputs(22.0, 1.3, inflow), 1.4, False)[0])
+        return np.array(evaluate(plant, state, Inputs(22.0, 1.3, inflow), 1.4)[0])
 
     def work() -> object:
         return scipy.integrate.solve_ivp(

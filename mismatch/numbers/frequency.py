@@ -134,7 +134,7 @@ def point_of(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
     state = settled(plant, bare, inputs)
     if ship.has_voltage and CURRENT in means:
         state = state._replace(motor_current=means[CURRENT])
-    _, outputs = evaluate(plant, state, inputs, blade, False)
+    _, outputs = evaluate(plant, state, inputs, blade)
     return Equilibrium(state, outputs, inputs)
 
 

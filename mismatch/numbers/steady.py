@@ -141,7 +141,7 @@ def balances(ship: Ship, points: pd.DataFrame) -> dict[str, NDArray[np.float64]]
         state = settled(plant, bare, inputs)
         if wired:
             state = state._replace(motor_current=float(point[CURRENT]))
-        rate, _ = evaluate(plant, state, inputs, blade, False)
+        rate, _ = evaluate(plant, state, inputs, blade)
         lacking["shaft"].append(float(rate.shaft_speed) * turned)
         if wired:
             lacking.setdefault("motor", []).append(float(rate.motor_current))

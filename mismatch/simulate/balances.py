@@ -66,7 +66,7 @@ def _loads_at(
         state = get_state(states[k])
         acts = Inputs(
             rack, state.pitch_ratio, inflow[k], 0.0, 0.0, 0.0, 0.0, elevation[k], 1.0, 0.0, 0.0, 0.0,
-            rudder[k], NO_SIGNALS,
+            rudder[k], 0.0, NO_SIGNALS,
         )  # fmt: skip
         acting = loads(plant, state, acts, state.pitch_ratio)
         found[k].drive = acting.drive_torque

@@ -72,7 +72,7 @@ def _surge(
             state = get_state(states[at])
             acts = Inputs(
                 drive[at], plant.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0,
-                rudder[at], outside_at(signals, at),
+                rudder[at], 0.0, outside_at(signals, at),
             )  # fmt: skip
             acting = loads(plant, state, acts, plant.pitch_ratio_max)
             push = acting.push - acting.resistance + acting.surge_force

@@ -16,6 +16,7 @@ from ...baselines.anti_spin import AntiSpin
 from ...baselines.controller import OBSERVED
 from ...baselines.torque_loss import estimated_propeller_torque
 from ...core.compiled import Record, compiled
+from ...envs.tasks import get_task
 from ...plant import Ship, equilibrium, get_sea, load_ship, realise
 from ...plant.memory import MEMORY
 from ...plant.state import STATE
@@ -59,10 +60,8 @@ class Storm(NamedTuple):
 
 
 def storm_frigate(**values: Any) -> Ship:
-    """The frigate with ventilation switched on and its propellers 3 m below the calm surface."""
-    ventilation = {"propeller.depth_m": 3.0, "ventilation.thrust_loss": 0.7,
-                   "ventilation.torque_loss": 0.6}  # fmt: skip
-    return load_ship("frigate").with_values(ventilation | values)
+    """Return the frigate as in the environment's storm task, with some of its parameters changed."""
+    return load_ship("frigate").with_values(dict(get_task("storm").ship) | values)
 
 
 @compiled

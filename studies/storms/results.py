@@ -1,6 +1,6 @@
 """Anti-spin on against off in storms, beside Table 1 of the anti-spin paper (Pivano et al. 2008).
 
-Storms are sea state 6 in which the frigate's propellers ventilate by one of three rules, with the ship
+Storms are sea state 6 in which the frigate's propellers ventilate, with the ship
 free to slow down or held at its speed as the paper's carriage is. Intervals are percentile bootstrap
 intervals of 95 % over the seeds, changes being paired by seed.
 """
@@ -19,6 +19,7 @@ from ...plant import Ship
 from ..side_by_side import published
 from .experiment import (
     INTERVAL_STEPS,
+    ORDER_M_S,
     RESISTANCE_FACTOR,
     Storm,
     event_counts,
@@ -32,26 +33,36 @@ from .experiment import (
 SEEDS = range(100, 120)
 """None of these seas was sailed while tuning."""
 
-LOADING = {"ventilation.loading_gain": 5.0, "ventilation.onset_submergence": 0.3,
-           "ventilation.recovery_submergence": 0.6}  # fmt: skip
-"""Onset that loading brings nearer to the propeller."""
+FIXED = {"ventilation.suction_gain": 0.0, "ventilation.static_head_share": 0.0,
+         "ventilation.surface_loss": 0.0, "ventilation.onset_submergence": 1.0}  # fmt: skip
+"""The same shares of thrust and torque lost at any shaft speed, by depth alone: for comparison."""
 
-DRY = {"ventilation.thrust_loss": 0.0, "ventilation.torque_loss": 0.0}
+DRY = {"ventilation.thrust_loss": 0.0, "ventilation.torque_loss": 0.0,
+       "ventilation.surface_loss": 0.0}  # fmt: skip
 HELD = {"hull.mass_kg": 1e9}
 """A hull too heavy to slow down: the paper's towing carriage."""
 
 HELD_SPEED_M_S = 6.4
-"""About what the free ship keeps without anti-spin."""
+"""About what the free ship keeps at an order of 8 m/s without anti-spin."""
 
-CASES: dict[str, dict[str, float]] = {
-    "fixed onset": {},
-    "high waves only": {"ventilation.onset_submergence": 0.6,
-                        "ventilation.recovery_submergence": 1.0},
-    "onset by loading": LOADING,
-    "fixed onset, speed held": HELD,
-    "onset by loading, speed held": LOADING | HELD,
-}  # fmt: skip
-"""Changes to :func:`~.storms.storm_frigate`; the second is the rule of the environment's storm task."""
+HIGH_ORDER_M_S = 11.0
+"""An order near the highest: twice the thrust of 8 m/s."""
+
+
+class Case(NamedTuple):
+    """A storm: changes to :func:`~.experiment.storm_frigate`, and the ordered speed [m/s]."""
+
+    changes: dict[str, float]
+    order_m_s: float = ORDER_M_S
+
+
+CASES: dict[str, Case] = {
+    "storm task": Case({}),
+    "high thrust": Case({}, HIGH_ORDER_M_S),
+    "high thrust, speed held": Case(HELD, HIGH_ORDER_M_S),
+    "high thrust, shallow, speed held": Case(HELD | {"propeller.depth_m": 2.5}, HIGH_ORDER_M_S),
+    "fixed shares": Case(FIXED),
+}
 
 ON, AWARE, OFF = "anti-spin", "anti-spin, sea margin 3", "without"
 OPTIONS: dict[str, dict[str, Any]] = {ON: {}, AWARE: {"sea_margin": 3.0}, OFF: {"anti_spin": False}}
@@ -92,10 +103,11 @@ class Bootstrap:
 
 def stormy(case: str, seeds: range, options: dict[str, Any]) -> Storm:
     """One of :data:`CASES` under :class:`~.AntiSpin` with some options, a ship a seed."""
-    ship = storm_frigate(**CASES[case])
-    start = HELD_SPEED_M_S if "hull.mass_kg" in CASES[case] else None
-    return sail(ship, AntiSpin(ship, **options), start_m_s=start, sea="state-6", seeds=seeds,
-                resistance_factor=RESISTANCE_FACTOR)  # fmt: skip
+    changes, order = CASES[case]
+    ship = storm_frigate(**changes)
+    start = HELD_SPEED_M_S if "hull.mass_kg" in changes else None
+    return sail(ship, AntiSpin(ship, **options), order_m_s=order, start_m_s=start, sea="state-6",
+                seeds=seeds, resistance_factor=RESISTANCE_FACTOR)  # fmt: skip
 
 
 def _effects(case: str, runs: dict[str, Storm], over_seeds: Bootstrap) -> Rows:

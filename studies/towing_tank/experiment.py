@@ -31,8 +31,8 @@ Floats = NDArray[np.float64]
 class Programme:
     """What is done: thrust and carriage ahead, then astern, the propeller moved up and down."""
 
-    thrust_N: float = 122.7  # T_pd, either way; calibrated
-    carriage_m_s: float = 0.583  # either way; calibrated
+    thrust_N: float = 138.4  # T_pd, either way; calibrated
+    carriage_m_s: float = 0.5857  # either way; calibrated
     half_s: float = 30.0  # ahead, and the same astern
     thrust_ramp_s: float = 2.0
     carriage_ramp_s: float = 4.0  # longer: the shaft turns against the inflow meanwhile
@@ -66,14 +66,20 @@ class Programme:
 
 @dataclass(frozen=True)
 class Air:
-    """How the propeller ventilates; see :mod:`shaftline.plant.ventilation`. All of it is assumed."""
+    """How the propeller ventilates; see :mod:`shaftline.plant.ventilation`.
 
-    thrust_loss: float = 0.92
-    torque_loss: float = 0.6
+    The losses are those of the theory. Onset, gain and hysteresis are the plant's defaults, assumed; the
+    times are its defaults for a propeller of 4.2 m, scaled by Froude with the square root of the size.
+    """
+
+    thrust_loss: float = 0.75
+    torque_loss: float = 0.68
+    surface_loss: float = 1.0
     onset_submergence: float = 0.0
-    loading_gain: float = 1.5
-    hysteresis: float = 0.4  # h/R between onset and recovery
-    time_s: float = 0.4  # of growth and of washout
+    suction_gain: float = 0.5
+    hysteresis: float = 0.3  # h/R between onset and recovery
+    growth_s: float = 0.12
+    washout_s: float = 0.37
 
     def ship(self, rig: Ship) -> Ship:
         """The rig with it."""
@@ -81,11 +87,12 @@ class Air:
             {
                 "ventilation.thrust_loss": self.thrust_loss,
                 "ventilation.torque_loss": self.torque_loss,
+                "ventilation.surface_loss": self.surface_loss,
                 "ventilation.onset_submergence": self.onset_submergence,
-                "ventilation.recovery_submergence": self.onset_submergence + self.hysteresis,
-                "ventilation.loading_gain": self.loading_gain,
-                "ventilation.growth_time_s": self.time_s,
-                "ventilation.washout_time_s": self.time_s,
+                "ventilation.suction_gain": self.suction_gain,
+                "ventilation.hysteresis": self.hysteresis,
+                "ventilation.growth_time_s": self.growth_s,
+                "ventilation.washout_time_s": self.washout_s,
             }
         )
 
@@ -147,7 +154,7 @@ def _run(
     for k in range(len(samples)):
         measured = state.shaft_speed + speed_noise[k]
         if tell_air:
-            held.detection.ventilating = memory.ventilated
+            held.detection.ventilating = 1 if state.ventilation > 0.5 else 0
         torque = command_torque(controller, held, thrust[k], measured, carriage[2 * k])
         now, log = get_state(state), memory.speed_log
         a, b, c = 2 * k, 2 * k + 1, 2 * k + 2

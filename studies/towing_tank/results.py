@@ -12,6 +12,8 @@ import scipy
 
 from ...baselines.thrust_control import ThrustControl
 from ...plant import Ship, load_ship
+from ...plant.propeller import propeller_load
+from ...plant.ventilation import suction_head, ventilation_rate
 from .experiment import Air, Instruments, Programme, TankRun, sail
 
 RIG = "towing-tank"
@@ -24,15 +26,19 @@ CALM = Programme(mean_submergence=3.2, motion=0.0)
 
 AIRS = {
     "as above": Air(),
-    "thrust loss 0.85": Air(thrust_loss=0.85),
-    "thrust loss 0.85, torque loss 0.55": Air(thrust_loss=0.85, torque_loss=0.55),
-    "thrust loss 0.80": Air(thrust_loss=0.8),
-    "loading gain 3, onset -0.3": Air(loading_gain=3.0, onset_submergence=-0.3),
-    "loading gain 5, onset -0.8": Air(loading_gain=5.0, onset_submergence=-0.8),
-    "depth alone: loading gain 0, onset 0.3": Air(loading_gain=0.0, onset_submergence=0.3),
-    "in 0.2 s instead of 0.4 s": Air(time_s=0.2),
+    "thrust loss 0.95, torque loss 0.91": Air(thrust_loss=0.95, torque_loss=0.91),
+    "thrust loss 0.6, torque loss 0.52": Air(thrust_loss=0.6, torque_loss=0.52),
+    "suction gain 0.35": Air(suction_gain=0.35),
+    "suction gain 0.7": Air(suction_gain=0.7),
+    "onset 0.3": Air(onset_submergence=0.3),
+    "no loss of disc area": Air(surface_loss=0.0),
+    "times of a propeller of 4.2 m": Air(growth_s=0.5, washout_s=1.5),
 }
-LIMITS_RAD_S = (30.0, 38.0, 45.0, 52.0, 60.0, 75.0)
+LIMITS_RAD_S = (25.0, 30.0, 38.0, 45.0, 52.0, 60.0, 75.0)
+
+SPEEDS_RAD_S = (20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0, 75.0)
+SUBMERGENCES = (0.25, 0.5, 0.8, 1.0, 1.5)
+"""h/R at which the steady thrust is shown over the shaft speed."""
 
 
 class Numbers(NamedTuple):
@@ -79,9 +85,8 @@ def calibrated(air: Air) -> tuple[Programme, float]:
         found = numbers_of(sail(ship, ThrustControl(ship), programme), programme)
         return np.array(found[:3]) / PRINTED["anti-spin"] - 1.0
 
-    # air comes and goes with a threshold: a step large enough to see past its jumps
     best = scipy.optimize.least_squares(
-        off, np.ones(3), diff_step=[0.03, 0.03, 0.03], x_scale=[0.1, 0.1, 1.0], max_nfev=12,
+        off, np.ones(3), diff_step=[0.01, 0.01, 0.01], x_scale=[0.1, 0.1, 1.0], max_nfev=15,
         bounds=([0.5, 0.5, 0.0], [2.0, 2.0, 9.0]),
     )  # fmt: skip
     thrust, carriage, friction = begin * best.x
@@ -99,6 +104,12 @@ class Pair(NamedTuple):
         """Thrust, power and eta_E with over without anti-spin [-]."""
         thrust, power, efficiency = (a / b for a, b in zip(self.on[:3], self.off[:3], strict=True))
         return thrust, power, efficiency
+
+    @property
+    def carriage(self) -> float:
+        """Carriage speed weighted by thrust, eta_E P / T, with over without [-]."""
+        on, off = (n.efficiency * n.power / n.thrust for n in self)
+        return on / off
 
     @property
     def near(self) -> float:
@@ -147,16 +158,36 @@ class Results:
     oracle: Numbers
     detection: tuple[float, float]
     """Shares of the time in air that is called air, and of the time called air that is."""
+    steady: pd.DataFrame
     limits: pd.DataFrame
     airs: pd.DataFrame
     others: pd.DataFrame
+
+
+def over_shaft_speed(ship: Ship) -> pd.DataFrame:
+    """Return the steady thrust [N] at bollard pull, a row a shaft speed, a column an h/R.
+
+    Each shaft speed is reached from the one below, with the air that came there.
+    """
+    plant, pitch = ship.record(), ship.propeller.pitch_ratio_max
+    found: dict[str, Any] = {"shaft speed [rad/s]": SPEEDS_RAD_S}
+    for relative in SUBMERGENCES:
+        depth, degree, column = 0.5 * relative * ship.propeller.diameter_m, 0.0, []
+        for speed in SPEEDS_RAD_S:
+            wetted = propeller_load(plant, 0.0, speed, pitch, depth, 0.0)
+            suction = suction_head(plant, wetted.thrust_coefficient, speed)
+            for _ in range(2000):  # 20 s
+                degree += 0.01 * ventilation_rate(plant, degree, relative, suction)
+            column.append(propeller_load(plant, 0.0, speed, pitch, depth, degree).thrust)
+        found[f"h/R {relative:g}"] = column
+    return pd.DataFrame(found)
 
 
 def _row(name: str, found: Pair) -> dict[str, Any]:
     thrust, power, efficiency = found.ratios
     return {
         "what": name, "thrust": thrust, "power": power, "eta_E": efficiency,
-        "thrust near the surface": found.near,
+        "thrust near the surface": found.near, "carriage by thrust": found.carriage,
     }  # fmt: skip
 
 
@@ -240,5 +271,6 @@ def measured(tick: Callable[[], None]) -> Results:
         Pair(numbers_of(on, programme), numbers_of(off, programme)),
         numbers_of(oracle, programme),
         (both / float(air_is.sum()), both / float(on.detected.sum())),
-        pd.DataFrame(limits).drop(columns="what"), pd.DataFrame(airs), pd.DataFrame(others),
+        over_shaft_speed(ship), pd.DataFrame(limits).drop(columns="what"),
+        pd.DataFrame(airs), pd.DataFrame(others),
     )  # fmt: skip

@@ -39,7 +39,7 @@ def test_gauge_jumps_with_the_fuel_as_the_plant_says(frigate: Ship) -> None:
     plant = frigate.record()
     start = equilibrium(frigate, 20.0, 1.4)
     readings = [
-        evaluate(plant, start.state, start.inputs._replace(drive=rack), 1.4, False)[1].shaft_torque
+        evaluate(plant, start.state, start.inputs._replace(drive=rack), 1.4)[1].shaft_torque
         for rack in (20.0, 26.0)
     ]
     engine_speed = float(plant["gear_ratio"]) * start.state.shaft_speed

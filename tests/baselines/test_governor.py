@@ -131,7 +131,7 @@ def test_gains_cancel_the_shafts_pole_and_place_their_own(
         def acceleration(away: float, more: float, start: Any = start) -> float:
             state = start.state._replace(shaft_speed=start.state.shaft_speed + away)
             inputs = start.inputs._replace(drive=start.inputs.drive + more)
-            return float(evaluate(plant, state, inputs, pitch, False)[0].shaft_speed)
+            return float(evaluate(plant, state, inputs, pitch)[0].shaft_speed)
 
         a = (acceleration(1e-4, 0.0) - acceleration(-1e-4, 0.0)) / 2e-4
         b = (acceleration(0.0, 1e-3) - acceleration(0.0, -1e-3)) / 2e-3

@@ -71,7 +71,7 @@ def plants_rates(key: str, z: NDArray[np.float64], torque: float, pitch: float) 
     plant = SHIP.record()
     SHIP.number(key).write(plant, z[3])
     state = State(pitch, z[0], z[2], 0.0, 0.0, 0.0, 0.0, 0.0)
-    rate, out = evaluate(plant, state, Inputs(20.0, pitch, z[1]), pitch, False)
+    rate, out = evaluate(plant, state, Inputs(20.0, pitch, z[1]), pitch)
     behind = out.propeller_torque
     if key == COULOMB:
         behind += z[3] * math.copysign(1.0, z[0])

@@ -89,7 +89,7 @@ RICH = {
     "prime_mover.lag_s": 0.4, "prime_mover.dead_time_s": 0.63, "prime_mover.rack_rate_limit_mm_s": 2.0,
     "pitch_actuator.backlash": 0.03, "pitch_actuator.dead_band": 0.01, "propeller.inflow_lag_s": 0.5,
     "ventilation.thrust_loss": 0.4, "ventilation.torque_loss": 0.3,
-    "ventilation.onset_submergence": 1.5, "ventilation.recovery_submergence": 1.7,
+    "ventilation.onset_submergence": 1.5, "ventilation.hysteresis": 0.2, "ventilation.surface_loss": 1.0,
     "hull.episode_resistance_fraction": 0.4, "hull.episode_start_s": 20.0,
     "hull.episode_end_s": 40.0, "sensors.torque_gain": 1.02, "sensors.pitch_offset": 0.01,
     "sensors.torque_bias_N_m": 500.0,

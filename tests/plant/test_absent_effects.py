@@ -100,12 +100,14 @@ PLANT_EFFECTS = [
         {"ventilation.thrust_loss": 0.6, "ventilation.torque_loss": 0.5},
         {
             "ventilation.onset_submergence": 1.7,
-            "ventilation.recovery_submergence": 1.9,
-            "ventilation.loading_gain": 0.2,
+            "ventilation.hysteresis": 0.2,
+            "ventilation.static_head_share": 0.5,
+            "ventilation.suction_gain": 0.2,
             "ventilation.growth_time_s": 0.3,
             "ventilation.washout_time_s": 2.0,
         },
     ),
+    effect("surface-loss", "ventilation.surface_loss", 1.0),
 ]
 
 MOTOR_EFFECTS = [

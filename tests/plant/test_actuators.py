@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
-from shaftline.plant.actuators import blade_pitch, pitch_rate, rack_position
+from shaftline.plant.actuators import blade_pitch, pitch_rate, rack_travel
 
 STEP = 1e-30
 
@@ -95,7 +95,33 @@ def test_rack_travels_at_its_rate_between_its_stops(
     plant: Any, demand: float, before: float, limit: float, after: float
 ) -> None:
     plant["rack_rate_limit"] = limit
-    assert rack_position(plant, demand, before, 0.5) == after
+    assert rack_travel(plant, demand, before, 0.5).end == after
+
+
+@pytest.mark.parametrize(("before", "demand"), [(10.0, 30.0), (30.0, 12.0)])
+@pytest.mark.parametrize("moves", [0.01, 0.25, 0.5, 0.8, 1.0, 3.0])
+def test_a_step_weighs_the_travel_of_the_rack_exactly(
+    plant: Any, before: float, demand: float, moves: float
+) -> None:
+    """Mean and first moment by Simpson's rule are those of the line, wherever in the step it ends."""
+    plant["rack_rate_limit"] = abs(demand - before) / moves / 0.5
+    start, middle, end = rack_travel(plant, demand, before, 0.5)
+    share = np.linspace(0.0, 1.0, 200_001)
+    line = before + (demand - before) * np.minimum(share / moves, 1.0)
+    assert end == pytest.approx(line[-1], rel=1e-12)
+    assert (start + 4.0 * middle + end) / 6.0 == pytest.approx(np.trapezoid(line, share), rel=1e-9)
+    moment = np.trapezoid(line * share, share)
+    assert (2.0 * middle + end) / 6.0 == pytest.approx(moment, rel=1e-9)
+
+
+def test_a_rack_without_a_rate_limit_is_at_its_demand_throughout(plant: Any) -> None:
+    assert rack_travel(plant, 30.0, 10.0, 0.5) == (30.0, 30.0, 30.0)
+
+
+def test_a_rack_does_not_leave_its_stops_within_a_step(plant: Any) -> None:
+    plant["rack_rate_limit"] = 4.0
+    for demand in np.linspace(0.05, 2.0, 40):
+        assert 0.0 <= rack_travel(plant, demand, 0.0, 0.5).start <= demand
 
 
 def with_actuator(ship: Ship, **values: float) -> Ship:

@@ -39,6 +39,9 @@ RICH = {
     "propeller.cavitation_onset_number": 40.0,
     "ventilation.thrust_loss": 0.3,
     "ventilation.torque_loss": 0.2,
+    "ventilation.surface_loss": 0.5,
+    "ventilation.onset_submergence": 1.0,
+    "ventilation.static_head_share": 0.4,
     "prime_mover.lag_s": 0.4,
     "prime_mover.torque_curvature_N_m_s2_rad2": -0.2,
     "transmission.coulomb_friction_engine_side_N_m": 5e3,
@@ -66,7 +69,7 @@ def along_number(ship: Ship, number: Number, state: State, inputs: Inputs) -> An
     twin = complex_record(ship.record())
     acts = acting(ship, number.key)
     words(twin)[COMPLEX_WORD[acts.words] + 1] = STEP * acts.slopes
-    rate, outputs = derivatives(twin, state, inputs, BLADE_BEFORE, False, STILL)
+    rate, outputs = derivatives(twin, state, inputs, BLADE_BEFORE, STILL)
     return np.array([*rate, *outputs])
 
 
@@ -80,7 +83,7 @@ def by_differences(ship: Ship, number: Number, state: State, inputs: Inputs) -> 
     for steps, weight in weights.items():
         record = ship.record()
         number.write(record, number.value + steps * step)
-        rate, outputs = evaluate(record, state, inputs, BLADE_BEFORE, False)
+        rate, outputs = evaluate(record, state, inputs, BLADE_BEFORE)
         values = np.array([*rate, *outputs], dtype=float)
         slope, size = slope + weight * values / step, np.abs(values)
     return slope, size * 1e-13 / step
@@ -152,7 +155,7 @@ def test_derivatives_to_the_states_are_those_of_the_linear_model(name: str) -> N
     blade = float(point.outputs.pitch_ratio)
     for column, moves in enumerate(names):
         along = STILL._replace(**{moves: 1.0})
-        rate, outputs = derivatives(twin, state, acting, blade, False, along)
+        rate, outputs = derivatives(twin, state, acting, blade, along)
         found = [getattr(rate, own) for own in names]
         np.testing.assert_allclose(found, model.A[:, column], rtol=1e-12, atol=1e-15)
         found = [outputs.shaft_torque, outputs.thrust]
@@ -189,7 +192,7 @@ def test_a_coefficient_that_stands_in_a_table_has_its_derivative_too() -> None:
     """Thrust and torque of a bollard propeller are multiples of KT and KQ."""
     ship = load_ship("rov-thruster")
     state, inputs = somewhere(ship)
-    _, outputs = evaluate(ship.record(), state, inputs, BLADE_BEFORE, False)
+    _, outputs = evaluate(ship.record(), state, inputs, BLADE_BEFORE)
     for key, output in (
         ("thrust_coefficient", "thrust"),
         ("torque_coefficient", "propeller_torque"),
@@ -198,7 +201,7 @@ def test_a_coefficient_that_stands_in_a_table_has_its_derivative_too() -> None:
         assert acts.value == getattr(ship.propeller, key)
         twin = complex_record(ship.record())
         words(twin)[COMPLEX_WORD[acts.words] + 1] = STEP * acts.slopes
-        _, found = derivatives(twin, state, inputs, BLADE_BEFORE, False, STILL)
+        _, found = derivatives(twin, state, inputs, BLADE_BEFORE, STILL)
         expected = getattr(outputs, output) / acts.value
         assert getattr(found, output) == pytest.approx(expected, rel=1e-9)
 

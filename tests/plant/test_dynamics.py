@@ -16,6 +16,7 @@ from shaftline.plant.propeller import propeller_load
 from shaftline.plant.state import LAGS, Inputs, State
 from shaftline.plant.term_kernel import Heard
 from shaftline.plant.terms import OF_A_TURN
+from shaftline.plant.ventilation import suction_head, ventilation_rate
 
 WEIGHTS = (3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0)  # of what a ship hears that does not turn
 GEAR, EFFICIENCY = 7.38, 0.95
@@ -62,7 +63,7 @@ def test_rate_is_the_thesis_right_hand_side(
     plant: Any, x: tuple[float, ...], rack: float, command: float, inflow: float, factor: float
 ) -> None:
     inputs = Inputs(rack, command, inflow, resistance_factor=factor)
-    rate, out = evaluate(plant, State(*x), inputs, x[0], False)
+    rate, out = evaluate(plant, State(*x), inputs, x[0])
     expected = thesis_rate(np.array(x), rack, command, inflow, factor)
     np.testing.assert_allclose(rate[:3], expected, rtol=1e-12)
     assert rate.position == x[2]
@@ -146,7 +147,7 @@ def test_a_term_adds_to_its_place(frigate: Ship, acts_on: str, name: str, factor
     expected = 1e-3 * np.dot(heard, WEIGHTS)
     added = getattr(found, name) - getattr(plain, name)
     assert added == pytest.approx(factor * expected, rel=1e-6)
-    rates = [evaluate(s.record(), STATE, inputs, 1.2, False)[0] for s in (ship, frigate)]
+    rates = [evaluate(s.record(), STATE, inputs, 1.2)[0] for s in (ship, frigate)]
     turned = rates[0].pitch_ratio - rates[1].pitch_ratio
     assert turned == pytest.approx(expected if acts_on == "pitch_rate" else 0.0, rel=1e-9)
 
@@ -154,34 +155,33 @@ def test_a_term_adds_to_its_place(frigate: Ship, acts_on: str, name: str, factor
 def test_rates_follow_from_the_loads(busy: Any) -> None:
     inputs = Inputs(22.0, 1.4, 0.3, 0.02, 20.0, 1.0, 0.0, -1.5, 1.1, 7.0)
     acting = loads(busy, STATE, inputs, 1.2)
-    rate, out = evaluate(busy, STATE, inputs, 0.7, True)  # without backlash nothing is remembered
+    rate, out = evaluate(busy, STATE, inputs, 0.7)  # without backlash nothing is remembered
     turning = (acting.drive_torque - acting.load_torque) / (TOTAL + 8e3)
     assert rate.pitch_ratio == pytest.approx(0.1)
     assert rate.shaft_speed == pytest.approx(turning, rel=1e-12)
     assert rate.ship_speed == pytest.approx((acting.push - acting.resistance) / MASS, rel=1e-12)
     assert rate.position == 8.0
     assert (rate.brake_torque, rate.inflow) == (acting.brake_torque_rate, acting.inflow_rate)
-    assert rate.ventilation == pytest.approx(0.7 / 0.5)
+    relative, suction = 2.5 / 2.1, suction_head(busy, acting.thrust_coefficient, 10.0)
+    assert rate.ventilation == ventilation_rate(busy, 0.3, relative, suction)
     assert rate.motor_current == 0.0
     assert out.pitch_ratio == 1.2
     assert out.shaft_torque == pytest.approx(acting.drive_torque - LEFT * turning, rel=1e-12)
     for name in ("advance_velocity", "thrust", "propeller_torque", "brake_torque", "resistance",
                  "motor_current", "thrust_coefficient", "submergence"):  # fmt: skip
         assert getattr(out, name) == getattr(acting, name), name
-    clearing, _ = evaluate(busy, STATE, inputs, 0.7, False)
-    assert clearing.ventilation == pytest.approx(-0.3 / 1.5)
 
 
 def test_backlash_holds_the_blade_back_from_its_actuator(busy: Any) -> None:
     busy["pitch_backlash"] = 0.04
-    _, out = evaluate(busy, STATE, Inputs(22.0, 1.4), 1.1, False)
+    _, out = evaluate(busy, STATE, Inputs(22.0, 1.4), 1.1)
     assert out.pitch_ratio == pytest.approx(1.18)
     assert out.thrust == pytest.approx(loads(busy, STATE, Inputs(22.0, 1.4), 1.18).thrust)
 
 
 def test_fixed_hull_does_not_accelerate(plant: Any) -> None:
     plant["hull_fixed"] = 1
-    rate, out = evaluate(plant, STATE, Inputs(22.0, 1.4), 1.2, False)
+    rate, out = evaluate(plant, STATE, Inputs(22.0, 1.4), 1.2)
     assert rate.ship_speed == 0.0
     assert out.thrust != 0.0
 
@@ -189,7 +189,7 @@ def test_fixed_hull_does_not_accelerate(plant: Any) -> None:
 def test_motor_sees_its_shaft_through_the_gear() -> None:
     plant = load_ship("tito-neri-sine").record()
     state = State(1.0, 60.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.8)
-    rate, out = evaluate(plant, state, Inputs(5.0, 1.0), 1.0, False)
+    rate, out = evaluate(plant, state, Inputs(5.0, 1.0), 1.0)
     assert rate.motor_current == pytest.approx((5.0 - 0.0183 * 180.0 - 1.51 * 0.8) / 0.000603)
     assert out.brake_torque == pytest.approx(0.0183 * 0.8)
     assert out.motor_current == 0.8
@@ -201,11 +201,11 @@ def test_motor_sees_its_shaft_through_the_gear() -> None:
 def test_settled_state_has_no_lag_left(busy: Any) -> None:
     inputs = Inputs(22.0, 1.4, 0.3, 0.02, 20.0, 1.0, 0.0, -1.5, 1.1, 7.0)
     found = settled(busy, STATE, inputs)
-    rate, _ = evaluate(busy, found, inputs, found.pitch_ratio, False)
+    rate, _ = evaluate(busy, found, inputs, found.pitch_ratio)
     for name in LAGS:
         assert getattr(rate, name) == pytest.approx(0.0, abs=1e-9), name
     assert found[:4] == STATE[:4]
-    assert found.ventilation == STATE.ventilation
+    assert rate.ventilation == pytest.approx(0.0, abs=1e-9)
     mapped = -45.5 * GEAR * 10.0 + 1428.6 * 22.0 - 7381.0
     assert found.brake_torque == pytest.approx(mapped, rel=1e-14)
     assert found.motor_current == STATE.motor_current  # there is none

@@ -98,7 +98,7 @@ def central_differences(ship: Ship, point: Equilibrium) -> tuple[NDArray[np.floa
     states = active_states(plant)
 
     def values(state: State, inputs: Any) -> NDArray[np.float64]:
-        rate, out = evaluate(plant, state, inputs, point.outputs.pitch_ratio, False)
+        rate, out = evaluate(plant, state, inputs, point.outputs.pitch_ratio)
         everything = {**state._asdict(), **out._asdict()}
         return np.array([getattr(rate, n) for n in states] + [everything[n] for n in OUTPUTS])
 

@@ -120,7 +120,7 @@ def test_accelerations_satisfy_the_equations_of_motion() -> None:
     plant = ship.record()
     u, v, r = 1.1, -0.2, 0.06
     state = State(0.721, 1e-9, u, sway_speed=v, yaw_rate=r)
-    rate, out = evaluate(plant, state, Inputs(1e-9, 0.721), 0.721, False)
+    rate, out = evaluate(plant, state, Inputs(1e-9, 0.721), 0.721)
     x, y, n = hull_forces(plant, math.hypot(u, v), v, r)
     x += 0.78 * out.thrust - out.resistance
     m, scale = 3270.0, 0.5 * 1000.0 * 49.0 * 0.455
@@ -171,7 +171,7 @@ def test_a_drifting_ship_loses_kinetic_energy(name: str) -> None:
         u, v, r = u * SPEEDS[name], v * SPEEDS[name], r * SPEEDS[name] / m.length_m
         pitch = ship.propeller.pitch_ratio_min
         state = State(pitch, 1e-9, u, sway_speed=v, yaw_rate=r)  # a screw at rest pushes nothing
-        rate, out = evaluate(plant, state, Inputs(1e-9, pitch), pitch, False)
+        rate, out = evaluate(plant, state, Inputs(1e-9, pitch), pitch)
         power = float(plant["mass"]) * u * rate.ship_speed
         power += v * (sway * rate.sway_speed + sway_yaw * rate.yaw_rate)
         power += r * (yaw_sway * rate.sway_speed + yaw * rate.yaw_rate)

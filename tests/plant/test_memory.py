@@ -69,6 +69,9 @@ def test_demand_passes_dead_time_then_rate_limit(plant: Any, memory: Any) -> Non
     # from the third step on half the rise, then all of it; 5 mm a step are let through
     assert delivered == pytest.approx([20.0, 20.0, 25.0, 30.0, 35.0, 40.0])
     assert memory["rack"] == delivered[-1]
+    assert (memory["rack_start"], memory["rack_middle"]) == (35.0, 37.5)
+    end_step(plant, memory, 8.0, DT)
+    assert (memory["rack_start"], memory["rack_middle"]) == (40.0, 40.0)  # it stands
     assert memory["demands"][130 - HISTORY] == 40.0
 
 
@@ -85,7 +88,6 @@ def test_instruments_read_with_offset_gain_and_bias(plant: Any, memory: Any) -> 
     assert memory["pitch_ratio"] == pytest.approx(1.27)
     assert memory["shaft_torque"] == pytest.approx(1.04 * 9e4 - 2e3)
     assert memory["blade_pitch"] == 1.3
-    assert memory["ventilated"] == 0
 
 
 def test_sound_instruments_read_the_truth(plant: Any, memory: Any) -> None:
@@ -104,20 +106,6 @@ def test_torque_is_read_late(plant: Any, memory: Any) -> None:
         read.append(float(memory["shaft_torque"]))
         memory["cursor"] += 1
     assert read == pytest.approx([5e4, 5e4 + 0.75 * 4e4, 9e4])
-
-
-@pytest.mark.parametrize(("depth", "air"), [(2.0, 1), (2.2, 0)])
-def test_air_is_seen_where_the_propeller_can_draw_it(
-    plant: Any, memory: Any, depth: float, air: int
-) -> None:
-    shallow = OUTPUTS._replace(submergence=depth)
-    read_instruments(plant, memory, 10.0, shallow, DT)
-    assert memory["ventilated"] == 0
-    plant["ventilation_thrust_loss"] = 0.5
-    read_instruments(plant, memory, 10.0, shallow, DT)
-    assert memory["ventilated"] == air
-    read_instruments(plant, memory, 10.0, OUTPUTS._replace(submergence=2.6), DT)
-    assert memory["ventilated"] == air  # it stays up to 1.3 R
 
 
 def test_speed_log_follows_exactly_first_order(plant: Any, memory: Any) -> None:
@@ -140,7 +128,7 @@ def test_settled_memories_have_seen_nothing_else(plant: Any, memory: Any) -> Non
     for name in MEMORY.names or ():
         memory[name] = 7  # whatever it held
     settle(plant, memory, STATE, OUTPUTS, 22.0, DT)
-    assert (memory["rack"], memory["ventilated"], memory["cursor"]) == (22.0, 0, 0)
+    assert (memory["rack"], memory["rack_start"], memory["cursor"]) == (22.0, 22.0, 0)
     assert (memory["speed_log"], memory["blade_pitch"]) == (8.0, 1.3)
     for _ in range(8):
         assert begin_step(plant, memory, 22.0, DT) == 22.0

@@ -25,7 +25,7 @@ def drive_of(ship: Ship) -> tuple[float, float]:
 
 
 def assert_steady(ship: Ship, point: Equilibrium) -> None:
-    rate, _ = evaluate(ship.record(), point.state, point.inputs, point.outputs.pitch_ratio, False)
+    rate, _ = evaluate(ship.record(), point.state, point.inputs, point.outputs.pitch_ratio)
     moving = rate._replace(position=0.0, shaft_angle=0.0)
     assert moving == pytest.approx((0.0,) * len(moving), abs=1e-8)
 

@@ -10,11 +10,20 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from shaftline.plant import Equilibrium, Schedule, Ship, realise, simulate
+from shaftline.plant import (
+    Equilibrium,
+    Schedule,
+    Ship,
+    equilibrium,
+    get_sea,
+    load_ship,
+    realise,
+    simulate,
+)
 from shaftline.plant.dynamics import evaluate
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.seas import Sea
-from shaftline.plant.state import STATE, Inputs, State, get_state
+from shaftline.plant.state import STATE, Inputs, State, active_states, get_state
 from shaftline.plant.stepping import (
     UNDISTURBED,
     Disturbance,
@@ -91,13 +100,13 @@ def test_stages_are_taken_at_the_start_twice_the_middle_and_the_end(
     def on(k: State, h: float) -> State:
         return State(*(a + h * b for a, b in zip(x, k, strict=True)))
 
-    k1, _ = f(x, at[0], 1.2, False)
-    k2, _ = f(on(k1, 0.1), at[1], 1.2, False)
-    k3, _ = f(on(k2, 0.1), at[1], 1.2, False)
-    k4, _ = f(on(k3, 0.2), at[2], 1.2, False)
+    k1, _ = f(x, at[0], 1.2)
+    k2, _ = f(on(k1, 0.1), at[1], 1.2)
+    k3, _ = f(on(k2, 0.1), at[1], 1.2)
+    k4, _ = f(on(k3, 0.2), at[2], 1.2)
     slopes = zip(k1, k2, k3, k4, strict=True)
     mean = State(*((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in slopes))
-    found = runge_kutta(plant, x, k1, at[1], at[2], 1.2, False, 0.2)
+    found = runge_kutta(plant, x, k1, at[1], at[2], 1.2, 0.2)
     np.testing.assert_allclose(found, on(mean, 0.2), rtol=1e-14)
 
 
@@ -118,7 +127,7 @@ def test_time_passes_within_a_step(massive: Run) -> None:
     add_term(plant, Term(id="growing", acts_on="resistance", expression="-1e8 * time"))
     massive.memory["cursor"] = 6
     before = float(massive.state["ship_speed"])
-    rate, _ = evaluate(plant, get_state(massive.state), Inputs(22.0, 1.4), 1.4, False)
+    rate, _ = evaluate(plant, get_state(massive.state), Inputs(22.0, 1.4), 1.4)
     massive.step(22.0, 1.4)
     gained = float(massive.state["ship_speed"]) - before - DT * rate.ship_speed
     assert gained == pytest.approx(DT * 1e8 * (6.5 * DT) / MASS, rel=1e-4)
@@ -146,7 +155,7 @@ def test_outputs_are_those_of_the_start_under_the_new_commands(steady: Run) -> N
     before = get_state(steady.state)
     out = steady.step(25.0, 1.2, Disturbance(0.2, -0.5, 1.1), UNDISTURBED, UNDISTURBED)
     inputs = Inputs(25.0, 1.2, 0.2, elevation=-0.5, resistance_factor=1.1)
-    _, expected = evaluate(steady.plant, before, inputs, 1.4, False)
+    _, expected = evaluate(steady.plant, before, inputs, 1.4)
     assert out == expected
     assert steady.memory["shaft_torque"] == expected.shaft_torque
     assert steady.memory["speed_log"] == steady.state["ship_speed"] != before.ship_speed
@@ -157,27 +166,17 @@ def test_observed_are_the_outputs_of_now_under_the_last_rack(steady: Run) -> Non
     steady.step(25.0, 1.2)
     out = steady.observe(1.3, Disturbance(0.2, -0.5, 1.1))
     inputs = Inputs(23.0, 1.3, 0.2, elevation=-0.5, resistance_factor=1.1)
-    _, expected = evaluate(steady.plant, get_state(steady.state), inputs, 1.4, False)
+    _, expected = evaluate(steady.plant, get_state(steady.state), inputs, 1.4)
     assert out == pytest.approx(expected, rel=1e-14)
     assert steady.memory["shaft_torque"] == out.shaft_torque
     assert steady.memory["cursor"] == 1
-
-
-def test_air_of_the_step_before_acts_over_a_step(plant: Any, design_point: Equilibrium) -> None:
-    plant["ventilation_thrust_loss"] = 0.5
-    run = Run(plant, design_point.state)
-    shallow = Disturbance(0.0, -3.0, 1.0)
-    run.step(22.0, 1.4, shallow, shallow, shallow)
-    assert (run.memory["ventilated"], run.state["ventilation"]) == (1, 0.0)
-    run.step(22.0, 1.4, shallow, shallow, shallow)
-    assert run.state["ventilation"] == pytest.approx(1.0 - np.exp(-DT / 0.5), rel=1e-6)
 
 
 def test_prepared_ship_has_read_its_instruments(plant: Any, design_point: Equilibrium) -> None:
     plant["pitch_backlash"] = 0.04
     run = Run(plant, design_point.state._replace(pitch_ratio=1.2), drive=25.0)
     inputs = Inputs(25.0, 1.2)
-    _, expected = evaluate(plant, get_state(run.state), inputs, 1.2, False)
+    _, expected = evaluate(plant, get_state(run.state), inputs, 1.2)
     assert (run.memory["rack"], run.memory["cursor"]) == (25.0, 0)
     assert run.memory["blade_pitch"] == run.memory["pitch_ratio"] == 1.2
     assert run.memory["shaft_torque"] == expected.shaft_torque
@@ -196,7 +195,7 @@ def test_prepared_ship_has_felt_the_waves_and_what_else_acts(
     prepare(plant, state, memory, sea, 22.0, Disturbance(0.2, 0.0, 1.0), DT)
     inflow, _ = field(sea, 0.0, 30.0)
     inputs = Inputs(22.0, 1.4, 0.2 + inflow)
-    _, expected = evaluate(plant, get_state(state), inputs, 1.4, False)
+    _, expected = evaluate(plant, get_state(state), inputs, 1.4)
     assert memory["shaft_torque"] == pytest.approx(expected.shaft_torque, rel=1e-12)
 
 
@@ -257,7 +256,7 @@ def test_waves_and_moving_pitch_agree_with_scipy(
         inflow, elevation = field(thesis_sea, t, y[3])
         inputs = Inputs(22.0, 1.4, inflow, elevation=elevation, time=t)
         state = State(y[0], y[1], y[2], y[3])
-        return evaluate(plant, state, inputs, y[0], False)[0][:4]
+        return evaluate(plant, state, inputs, y[0])[0][:4]
 
     samples = simulate(frigate, Schedule(22.0, 1.4), 100.0, initial=initial, sea=thesis_sea)
     exact = solve_ivp(
@@ -267,3 +266,82 @@ def test_waves_and_moving_pitch_agree_with_scipy(
     for name, expected in zip(("pitch_ratio", "shaft_speed", "ship_speed"), exact.y, strict=False):
         worst = np.max(np.abs(samples[name] / expected - 1.0))
         assert worst < 1e-7, name  # measured: 7e-9
+
+
+SMOOTH = {"propeller.depth_m": 3.0}
+"""Her propellers near the surface, so that ventilation acts; all her other limits as packaged."""
+
+
+def worst_errors(ship: Ship, schedule: Schedule, steps: tuple[float, ...], seconds: float) -> Any:
+    """Largest errors of the shaft speed [rad/s], once a second, against a step of 0.05 / 64 s."""
+    spectrum = get_sea("state-6")
+    assert spectrum is not None
+    sea = realise(spectrum, ship.propeller.depth_m, 3)
+    initial = equilibrium(ship, 20.0, 1.2).state
+
+    def shaft_speed(dt: float) -> Any:
+        samples = simulate(ship, schedule, seconds, initial=initial, sea=sea, dt=dt)
+        return samples[:: round(1.0 / dt)]
+
+    exact = shaft_speed(0.05 / 64.0)
+    errors = [np.abs(shaft_speed(dt)["shaft_speed"] - exact["shaft_speed"]).max() for dt in steps]
+    return np.array(errors), exact
+
+
+def test_a_ship_at_sea_converges_with_the_fourth_order() -> None:
+    """Ventilation, the rack's rate limit, the pitch's, and waves on which the ship surges."""
+    ship = load_ship("frigate-at-sea").with_values(SMOOTH)
+    programme = Schedule(
+        lambda t: np.where(t < 20.0, 20.0, 25.0), lambda t: np.where(t < 20.0, 1.2, 1.0)
+    )
+    steps = (0.1, 0.05, 0.025, 0.0125)
+    errors, exact = worst_errors(ship, programme, steps, 60.0)
+    assert exact["ventilation"].max() > 0.9  # air came
+    assert np.ptp(exact["ventilation"][20:]) > 0.8  # and went
+    orders = np.log2(errors[:-1] / errors[1:])
+    # the end of a rate-limited travel lies anywhere in a step: the order varies about 4
+    assert orders.min() > 3.0
+    assert np.log2(errors[0] / errors[-1]) / 3.0 > 3.6
+    assert errors[1] < 2e-4  # rad/s at the packaged step
+
+
+def test_a_rack_with_a_rate_limit_converges(frigate: Ship) -> None:
+    """Its travel was once a staircase of steps: order 1."""
+    ship = frigate.with_values({"prime_mover.rack_rate_limit_mm_s": 3.7, "prime_mover.lag_s": 0.3})
+    programme = Schedule(lambda t: np.where(t < 4.0, 20.0, 27.0), 1.2)
+    initial = equilibrium(ship, 20.0, 1.2).state
+
+    def final(dt: float) -> float:
+        return float(simulate(ship, programme, 8.0, initial=initial, dt=dt)["shaft_speed"][-1])
+
+    exact = final(0.001)
+    errors = np.array([abs(final(dt) - exact) for dt in (0.2, 0.1, 0.05)])
+    assert np.all(errors < [1e-4, 1e-5, 1e-6])
+    assert np.log2(errors[0] / errors[2]) / 2.0 > 3.0
+
+
+def test_a_ventilating_ship_at_sea_agrees_with_scipy() -> None:
+    """The whole ship in waves, her states by an integrator of order 8 that chooses its step."""
+    ship = load_ship("frigate-at-sea").with_values(SMOOTH)
+    plant = ship.record()
+    sea = realise(Sea(hs_m=6.0, tp_s=12.0), 3.0, 3)
+    initial = equilibrium(ship, 20.0, 1.2).state
+    names = [*active_states(plant), "position"]
+    height = float(sea["head_sea"])
+
+    def rate(t: float, y: NDArray[np.float64]) -> list[float]:
+        state = initial._replace(**dict(zip(names, y, strict=True)))
+        inflow, elevation = field(sea, t, state.position)
+        inputs = Inputs(20.0, 1.2, inflow, elevation=elevation, time=t, head_sea=height)
+        found, _ = evaluate(plant, state, inputs, 1.2)
+        return [getattr(found, name) for name in names]
+
+    samples = simulate(ship, Schedule(20.0, 1.2), 60.0, initial=initial, sea=sea)
+    begin = [getattr(initial, name) for name in names]
+    exact = solve_ivp(
+        rate, (0.0, 60.0), begin, "DOP853", samples["time"], rtol=1e-9, atol=1e-11, max_step=0.1
+    )
+    assert np.ptp(samples["ventilation"]) > 0.8
+    for name, tolerance in (("shaft_speed", 2e-4), ("ship_speed", 2e-5), ("ventilation", 2e-4)):
+        worst = np.abs(samples[name] - exact.y[names.index(name)]).max()
+        assert worst < tolerance, (name, worst)

@@ -203,7 +203,7 @@ def test_a_state_begins_where_its_rate_vanishes(frigate: Ship) -> None:
         state = settled(ship.record(), State(1.2, omega, 6.0), Inputs(22.0, 1.2))
         assert state.term_1 == pytest.approx(0.2 * omega, rel=1e-9)
     point = equilibrium(ship, 22.0, 1.2)
-    rate, _ = evaluate(ship.record(), point.state, point.inputs, 1.2, False)
+    rate, _ = evaluate(ship.record(), point.state, point.inputs, 1.2)
     assert abs(rate.term_1) < 1e-9
     assert point.state.term_1 == pytest.approx(0.2 * point.state.shaft_speed)
     assert point.state.shaft_speed > equilibrium(frigate, 22.0, 1.2).state.shaft_speed
@@ -237,8 +237,8 @@ def test_one_piece_of_physics_may_act_at_several_places(frigate: Ship) -> None:
     }  # fmt: skip
     ship = frigate.with_values({"term": [term]})
     state, inputs = State(1.2, 11.0, 6.0), Inputs(22.0, 1.2)
-    _, worn = evaluate(ship.record(), state, inputs, 1.2, False)
-    _, new = evaluate(frigate.record(), state, inputs, 1.2, False)
+    _, worn = evaluate(ship.record(), state, inputs, 1.2)
+    _, new = evaluate(frigate.record(), state, inputs, 1.2)
     assert worn.thrust == pytest.approx(0.95 * new.thrust, rel=1e-12)
     own = new.shaft_torque - worn.shaft_torque
     inertia = frigate.transmission

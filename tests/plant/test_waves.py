@@ -146,6 +146,8 @@ def test_synchronised_sea_is_the_field_and_its_slope(thesis_sea: Any) -> None:
         assert found.place == -place  # where the inflow holds: they travel against the ship
         ahead, astern = (field(sea, time, place + d)[0] for d in (1e-4, -1e-4))
         assert -found.inflow_slope == pytest.approx((ahead - astern) / 2e-4, abs=1e-8)
+        ahead, astern = (field(sea, time, place + d)[1] for d in (1e-4, -1e-4))
+        assert -found.elevation_slope == pytest.approx((ahead - astern) / 2e-4, abs=1e-8)
 
 
 def test_passing_sea_is_the_field_at_the_speed_of_the_ship(thesis_sea: Any) -> None:
@@ -161,7 +163,7 @@ def test_passing_sea_is_the_field_at_the_speed_of_the_ship(thesis_sea: Any) -> N
 
 
 def test_no_sea_moves_nothing() -> None:
-    assert tuple(motion(calm())) == 5 * (0.0,)
+    assert tuple(motion(calm())) == 6 * (0.0,)
 
 
 def test_no_wave_height_is_calm() -> None:

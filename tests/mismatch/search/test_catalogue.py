@@ -140,7 +140,8 @@ def test_ventilation_is_named_where_the_submergence_was_measured() -> None:
         "ventilation.torque_loss": 0.4,
         "ventilation.thrust_loss": 0.46,
         "ventilation.onset_submergence": 1.1,
-        "ventilation.recovery_submergence": 1.3,
+        "ventilation.suction_gain": 0.0,
+        "ventilation.static_head_share": 0.0,
     }
     extra = {"propeller_submergence_m": submergence}
     true = quick_frigate().with_values(values)

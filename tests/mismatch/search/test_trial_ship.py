@@ -44,7 +44,7 @@ def test_an_effect_sets_its_keys(trial_ship: TrialShip) -> None:
     }
     air = trial_ship.settings(Placed(entry("ventilation (propeller)"), (0.4, 1.0)))
     assert air["ventilation.thrust_loss"] == pytest.approx(0.46)
-    assert air["ventilation.recovery_submergence"] == pytest.approx(1.15)
+    assert air["ventilation.static_head_share"] == air["ventilation.suction_gain"] == 0.0
     assert trial_ship.settings(Placed(ENGINE_FRICTION, (1e9,))) == {FRICTION: 1e7}  # its range
     wake = trial_ship.settings(Placed(entry("wake-speed-dependence (propeller)"), (0.02,)))
     assert wake["hull.wake_reference_speed_m_s"] == 7.0  # the mean of the nominal voyage
