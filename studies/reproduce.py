@@ -36,7 +36,7 @@ def reproduce_storms(folder: Path, tick: Tick) -> Reproduced:
     picture = storm_page.figure(found.traces, load_ship("frigate").time_step_s)
     figures.save(picture, folder / "figures" / "storms.png")
     numbers = beside.set_index("storm").to_dict("index")
-    return Reproduced(title, beside, storm_page.WHY, numbers)
+    return Reproduced(title, beside, storm_page.why(found), numbers)
 
 
 def reproduce_levers(folder: Path, tick: Tick) -> Reproduced:

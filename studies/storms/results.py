@@ -7,6 +7,7 @@ intervals of 95 % over the seeds, changes being paired by seed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -15,7 +16,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...baselines.anti_spin import AntiSpin
-from ...plant import Ship
+from ...plant import Ship, load_ship
+from ...plant.propeller import propeller_load
+from ...plant.surroundings import GRAVITY
 from ..side_by_side import published
 from .experiment import (
     INTERVAL_STEPS,
@@ -81,6 +84,7 @@ class Results(NamedTuple):
 
     numbers: pd.DataFrame  # case, controller, quantity, value, low, high
     traces: dict[str, Storm]  # by controller
+    suction_heads: dict[str, float]  # H/R [-] by case, the towing tank's beside them
 
 
 class Bootstrap:
@@ -108,6 +112,17 @@ def stormy(case: str, seeds: range, options: dict[str, Any]) -> Storm:
     start = HELD_SPEED_M_S if "hull.mass_kg" in changes else None
     return sail(ship, AntiSpin(ship, **options), order_m_s=order, start_m_s=start, sea="state-6",
                 seeds=seeds, resistance_factor=RESISTANCE_FACTOR)  # fmt: skip
+
+
+def suction_of(ship: Ship, thrust: float) -> float:
+    """Return the suction head H/R [-] of a thrust [N] of one propeller: a column of water over R."""
+    radius = 0.5 * ship.propeller.diameter_m
+    return thrust / (ship.water.density_kg_m3 * GRAVITY * math.pi * radius**3)
+
+
+def _suction(ship: Ship, storm: Storm) -> float:
+    """Return the mean suction head of a run's samples with less than a tenth of air."""
+    return suction_of(ship, float(storm.thrust[storm.ventilation < 0.1].mean()))
 
 
 def _effects(case: str, runs: dict[str, Storm], over_seeds: Bootstrap) -> Rows:
@@ -177,13 +192,15 @@ def measured(tick: Callable[[], None] = lambda: None, seeds: range = SEEDS) -> R
     over_seeds = Bootstrap(len(seeds))
     rows: Rows = []
     traces: dict[str, Storm] = {}
-    for case in CASES:
+    heads = {"towing tank, 45 rad/s": _tank_suction(45.0)}
+    for case, (changes, _) in CASES.items():
         runs = {}
         for name, options in OPTIONS.items():
             runs[name] = stormy(case, seeds, options)
             tick()
         traces = traces or {name: runs[name] for name in (ON, OFF)}
         rows += _effects(case, runs, over_seeds) + _detections(case, runs, over_seeds)
+        heads[case] = _suction(storm_frigate(**changes), runs[OFF])
         off = key_numbers(runs[OFF])[EFFICIENCY]
         for share in VENTILATED_SPEEDS:
             slower = key_numbers(stormy(case, seeds, {"ventilated_speed": share}))[EFFICIENCY]
@@ -195,7 +212,12 @@ def measured(tick: Callable[[], None] = lambda: None, seeds: range = SEEDS) -> R
         for order in ORDERS_M_S:
             rows += _alarms(dry, sea, order, seeds, over_seeds, tick)
     columns = ["case", "controller", "quantity", "value", "low", "high"]
-    return Results(pd.DataFrame(rows, columns=columns), traces)
+    return Results(pd.DataFrame(rows, columns=columns), traces, heads)
+
+
+def _tank_suction(shaft_speed: float) -> float:
+    rig = load_ship("towing-tank")
+    return suction_of(rig, propeller_load(rig.record(), 0.0, shaft_speed, 1.0, 1.0, 0.0).thrust)
 
 
 def beside_table_1(numbers: pd.DataFrame) -> pd.DataFrame:

@@ -123,6 +123,9 @@ CALIBRATED = "calibrated to it"
 """The reason that marks a row as no result."""
 
 
+UNEXPLAINED = "unexplained: no calculation here accounts for it"
+
+
 def _change(ratio: float) -> float:
     return 100.0 * (ratio - 1.0)
 
@@ -161,7 +164,7 @@ def _rows(found: Results) -> list[Row]:
             "tracks well", 0.0, 0.05 * found.programme.thrust_N),
         Row("peaks", "power in air, without / with", _power_in_air(found), "large peaks", 1.5, 10.0),
     ]  # fmt: skip
-    return rows
+    return [row if row.met or row.why else row._replace(why=UNEXPLAINED) for row in rows]
 
 
 def _efficiency(found: Results) -> str:
