@@ -257,10 +257,12 @@ def diesel_torque(plant: Record, engine_speed: Real, fuel_rack: Real) -> Real:
 def _ceiling(lag: float, limit: float, rise: float, followed: Real, torque: Real) -> Real:
     """Return a torque [N m] below a limit that rises with the share of rated power that a lag follows.
 
-    An engine that is driven has a negative share; the limit is then that of no charge air or cold parts.
+    The share of an engine that is driven is negative; its limit falls with it, but never below 0.
     """
     if lag.real > 0.0:
-        highest = limit + rise * followed if followed.real > 0.0 else limit + 0.0 * followed
+        highest = limit + rise * followed
+        if highest.real < 0.0:
+            highest = 0.0 * highest
         if torque.real > highest.real:
             return highest
     return torque

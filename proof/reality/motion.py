@@ -74,7 +74,7 @@ def _engine(ship: Any, omega: float, rack: float) -> Any:
 
 
 @compiled
-def _turned_slowly(ship: Any, omega: float, torque: float) -> float:
+def _turned_slowly(ship: Any, omega: float, torque: float) -> Any:
     """Return the torque of an engine that may turn too slowly to fire, or astern [N m].
 
     The rubbing of its parts is what the map leaves without fuel, and takes its sign from the rotation as

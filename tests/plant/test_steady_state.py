@@ -122,7 +122,9 @@ def test_ferry_has_steady_states_over_its_range(rack: float, pitch: float) -> No
 @pytest.mark.parametrize("rack", [7.0, 9.0, 14.0, 22.0, 31.0, 40.0])
 @pytest.mark.parametrize("pitch", [0.6, 1.0, 1.4])
 def test_frigate_has_steady_states_over_its_range(frigate: Ship, rack: float, pitch: float) -> None:
-    if (rack, pitch) == (7.0, 1.4):  # at 60 % of idle speed too little fuel ignites: it stalls
+    if (
+        rack == 7.0 and pitch > 0.6
+    ):  # below 80 % of idle speed, where fuel ceases to ignite: it stalls
         with pytest.raises(ValueError, match="no steady state with the shaft turning ahead"):
             equilibrium(frigate, rack, pitch)
         return
