@@ -11,19 +11,18 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from ..core.compiled import Record, compiled, spelled_out
+from ..core.models import FileModel
 from ..plant.cavitation import burrill_ratio
 from ..plant.drives.diesel import rack_torque, torque_limit
 from ..plant.fuel import fuel_rate
 from ..plant.state import Outputs
 
 
-class Weights(BaseModel):
+class Weights(FileModel):
     """Weight of each reward term, per its physical unit and control interval."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     speed_error_m_s: float = Field(ge=0, description="|ship speed - order|")
     fuel_kg_s: float = Field(ge=0, description="fuel flow of all engines")

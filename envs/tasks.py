@@ -7,14 +7,11 @@ import tomllib
 from importlib import resources
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
+from ..core.models import FileModel
 from ..plant import Ship, load_ship
 from .rewards import Weights
-
-
-class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def _rising(ends: tuple[float, float]) -> tuple[float, float]:
@@ -23,15 +20,16 @@ def _rising(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
-Range = Annotated[tuple[float, float], AfterValidator(_rising)]
+_Number = Annotated[float, Field(strict=True)]
+Range = Annotated[tuple[_Number, _Number], AfterValidator(_rising)]
 """Lowest and highest value of what an episode draws."""
 
 
-TaskSea = str | dict[str, float | Range]
+TaskSea = str | dict[str, _Number | Range]
 """A sea of a task: a preset, or parameters, of which an episode draws each that is a range."""
 
 
-class HeldOut(_Model):
+class HeldOut(FileModel):
     """What a task's training never draws, to judge on."""
 
     seas: tuple[TaskSea, ...] = Field(min_length=1)
@@ -41,7 +39,7 @@ class HeldOut(_Model):
     drift_force_kN: Range | None = None
 
 
-class Task(_Model):
+class Task(FileModel):
     """One task."""
 
     description: str

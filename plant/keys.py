@@ -64,6 +64,10 @@ def number(
         limits: pydantic's ``ge``, ``gt``, ``le``, ``lt`` and ``default``.
     """
     extra: dict[str, Any] = {"unit": unit, "record": record, "needs": needs, "required": required}
+    if limits.get("default") == INF:
+        limits["allow_inf_nan"] = (
+            True  # the lower bound that each such key has refuses nan and -inf
+        )
     return Field(description=description, json_schema_extra=extra, **limits)
 
 
@@ -104,9 +108,12 @@ def effect(neutral: float, description: str, unit: str = "-", *, record: str, **
 
 
 class Section(BaseModel):
-    """A table of a ship's file: immutable, strictly typed, no unknown keys."""
+    """A table of a ship's file: immutable, strictly typed, no unknown keys, every number finite.
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    Infinity is allowed for a key whose own default is infinity, where it means that a limit is absent.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     derived: ClassVar[tuple[tuple[Any, ...], ...]] = ()
     """Further fields of the kernels' record, worked out from the section's keys, as NumPy has them."""

@@ -27,8 +27,9 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from ..core.models import FileModel
 from .expressions import FUNCTIONS, Program, TermError, deepest, names_in, parsed
 from .keys import Section
 from .term_kernel import (
@@ -103,10 +104,8 @@ NO_BOUND = (-1e12, 1e12)
 """Lowest and highest value of a parameter for which none is given."""
 
 
-class TermParameter(BaseModel):
+class TermParameter(FileModel):
     """A number of a term, with its unit and range."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     value: float = Field(description="in the unit beside it")
     unit: str = Field("-", description="of value, low and high")

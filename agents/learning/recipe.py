@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib import resources
@@ -18,8 +19,6 @@ from typing import Any, Literal
 
 import yaml
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     ValidationError,
     field_validator,
@@ -27,6 +26,7 @@ from pydantic import (
 )
 
 from ...core.files import FileError, read_text
+from ...core.models import FileModel, refuse_words
 from ...core.sizes import check_size
 from ...envs import Task, Weights, get_task
 from ...observers import ObserverError, get_observer
@@ -47,6 +47,9 @@ _RANGES = {
 }  # fmt: skip
 """Of hyperparameters: above the first, at most the second."""
 
+_WHOLE = ("n_steps", "batch_size", "n_epochs", "buffer_size")
+"""Hyperparameters that count something."""
+
 _BYTES_A_STEP, _BYTES_A_WEIGHT = 1000.0, 64.0  # gradients, moments, both networks
 
 
@@ -54,10 +57,8 @@ class RecipeError(ValueError):
     """A recipe that does not exist or cannot be used; the message names file, key and range."""
 
 
-class Recipe(BaseModel):
+class Recipe(FileModel):
     """Everything that decides a training, the seed apart."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     algorithm: Literal["ppo", "sac"]
     task: str = Field(description="task that is sailed")
@@ -78,6 +79,20 @@ class Recipe(BaseModel):
     def _whole(cls, value: Any) -> Any:
         return int(value) if isinstance(value, float) and value.is_integer() else value
 
+    @field_validator("form", mode="before")
+    @classmethod
+    def _of_numbers(cls, value: Any) -> Any:
+        refuse_words(value)
+        return value
+
+    @field_validator("hyperparameters")
+    @classmethod
+    def _finite(cls, value: dict[str, Any]) -> dict[str, Any]:
+        for key, given in value.items():
+            if infinite := [n for n in _numbers_in(given) if not math.isfinite(n)]:
+                raise ValueError(f"{key} = {infinite[0]}: must be a finite number")
+        return value
+
     @model_validator(mode="after")
     def _within_ranges(self) -> Recipe:
         """What the algorithms would take without a word and train into nonsense or out of memory."""
@@ -85,11 +100,12 @@ class Recipe(BaseModel):
             given = self.hyperparameters.get(key)
             if isinstance(given, str):
                 try:
-                    given = float(given.removeprefix("lin_"))
+                    if key in _WHOLE:
+                        raise ValueError
+                    given = float(given.removeprefix("lin_"))  # to YAML 1.1, 1e-3 is a text
                 except ValueError:
-                    raise ValueError(
-                        f"{key} = {given!r}: must be a number, or lin_NUMBER"
-                    ) from None
+                    also = "" if key in _WHOLE else ", or lin_NUMBER"
+                    raise ValueError(f"{key} = {given!r}: must be a number{also}") from None
             if isinstance(given, int | float) and not low < given <= high:
                 raise ValueError(f"{key} = {given:g}: must be above {low:g} and at most {high:g}")
         rollout = float(self.hyperparameters.get("n_steps", 1)) * self.n_envs
@@ -112,6 +128,15 @@ class Recipe(BaseModel):
         task = get_task(self.task)
         weights = Weights.model_validate(task.weights.model_dump() | self.weights)
         return task.model_copy(update={"weights": weights})
+
+
+def _numbers_in(value: Any) -> list[float]:
+    """Return the floating-point numbers that a value of a recipe holds at any depth."""
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        return [number for part in value for number in _numbers_in(part)]
+    return [value] if isinstance(value, float) else []
 
 
 def recipe_path(algorithm: str) -> Path:
@@ -218,8 +243,11 @@ def recipe_of(
 def _check_keys(file: str, task: str, algorithm: str, values: dict[str, Any]) -> None:
     from stable_baselines3 import PPO, SAC  # torch takes seconds to import
 
-    known = set(inspect.signature({"ppo": PPO, "sac": SAC}[algorithm]).parameters) - _SET_HERE
-    for key in values:
+    parameters = inspect.signature({"ppo": PPO, "sac": SAC}[algorithm]).parameters
+    known = set(parameters) - _SET_HERE
+    for key, value in values.items():
+        if key in known and isinstance(value, bool) and type(parameters[key].default) is not bool:
+            raise RecipeError(f"{file}: [{task}] {key} = {value}: must be a number")
         if key not in known:
             raise RecipeError(
                 f"{file}: [{task}] unknown key {key!r}; {algorithm.upper()} knows "

@@ -39,7 +39,7 @@ from typing import Any
 import pandas as pd
 from pydantic import (
     BaseModel,
-    ConfigDict,
+    Field,
     ValidationError,
     ValidationInfo,
     field_validator,
@@ -47,18 +47,17 @@ from pydantic import (
 )
 
 from ...core.files import FileError, read_toml
+from ...core.models import FileModel
 from ...plant.recording import RecordingError
 from .file_layout import FileLayout
 from .sources import PERCENT, PERCENT_OF_RANGE, Heard, Ranges, Source
 
 
-class ColumnMap(BaseModel):
+class ColumnMap(FileModel):
     """A whole map: canonical sources, and signals for terms, by foreign name."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    columns: dict[str, Source] = {}
-    signals: dict[str, Heard] = {}
+    columns: dict[str, Source] = Field(default={})
+    signals: dict[str, Heard] = Field(default={})
     file: FileLayout = FileLayout()
 
     @field_validator("columns", "signals", mode="before")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
+
+from ...core.models import FileModel
 
 
-class FileLayout(BaseModel):
+class FileLayout(FileModel):
     """What is known of how a file is a table; the rest is guessed (:class:`.table_files.Layout`)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     separator: str | None = Field(default=None, description="between fields: one sign, or tab")
     decimal: Literal[".", ","] | None = Field(default=None, description="decimal sign")

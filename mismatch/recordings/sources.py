@@ -9,14 +9,13 @@ from typing import Literal, TypeAlias
 
 import pandas as pd
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     ValidationError,
     field_validator,
     model_validator,
 )
 
+from ...core.models import FileModel
 from ...plant.columns import BOUNDS, COLUMNS, TIME
 from ...plant.expressions import FUNCTIONS
 from ...plant.terms import OF_A_TURN, TERM_SIGNALS, Name
@@ -37,18 +36,16 @@ LINEAR = {"N m": "N", "rad": "m", "rad/s": "m/s"}
 _TURNING = ("revolution", "radian", "degree", "turn", "rpm", "rps")
 
 
-class Source(BaseModel):
+class Source(FileModel):
     """Where one canonical column comes from, and how its values are carried over."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     column: str = Field(description="canonical column")
     unit: str | None = Field(default=None, description="unit in the recording; canonical if absent")
     sign: Literal[1, -1] = Field(default=1, description="-1 turns the channel's sign")
-    scale: float = Field(default=1.0, allow_inf_nan=False, description="units per recorded value")
-    offset: float = Field(default=0.0, allow_inf_nan=False, description="added, in units")
+    scale: float = Field(default=1.0, description="units per recorded value")
+    offset: float = Field(default=0.0, description="added, in units")
     radius_m: float | None = Field(
-        default=None, gt=0.0, allow_inf_nan=False,
+        default=None, gt=0.0,
         description="radius by which a force, position or speed of a linear axis is a shaft's",
     )  # fmt: skip
 
@@ -162,16 +159,14 @@ class Source(BaseModel):
         return pd.Series(units.Quantity(numbers.to_numpy(), given).m_as(wanted), numbers.index)
 
 
-class Heard(BaseModel):
+class Heard(FileModel):
     """Where one signal for terms comes from, and how its values are carried over."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     signal: Name = Field(description="name in expressions")
     unit: str | None = Field(default=None, description="unit in the recording; carried over to SI")
     sign: Literal[1, -1] = Field(default=1, description="-1 turns the signal's sign")
-    scale: float = Field(default=1.0, allow_inf_nan=False, description="units per recorded value")
-    offset: float = Field(default=0.0, allow_inf_nan=False, description="added, in units")
+    scale: float = Field(default=1.0, description="units per recorded value")
+    offset: float = Field(default=0.0, description="added, in units")
 
     @property
     def column(self) -> str:

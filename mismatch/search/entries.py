@@ -25,9 +25,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from ...core.files import read_text, toml_of
+from ...core.models import FileModel
 from ...plant.record import PLANT
 from ...plant.term_kernel import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added, added_before
 from ...plant.terms import NO_BOUND, TERM_SIGNALS, Term, add_term
@@ -38,11 +39,7 @@ _TRIED = 16  # states at which a term is looked at, of either sign
 _NOTHING = 1e-9
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class _Trial(_Table):
+class _Trial(FileModel):
     """How a parameter is first tried; as of :class:`.effect.Parameter`."""
 
     probes: tuple[float, ...] = ()
@@ -74,7 +71,7 @@ class _OfTerm(_Trial):
         return self
 
 
-class _Entry(_Table):
+class _Entry(FileModel):
     """What an engineer is told of an effect, and where it can be; as of :class:`.effect.Effect`."""
 
     id: str = Field(pattern=r"^[a-z0-9]+(-[a-z0-9]+)*$", max_length=40)
@@ -101,7 +98,7 @@ class _OfKeys(_Entry):
     """An ``[[effect]]``."""
 
     parameters: tuple[_OfKey, ...] = Field(min_length=1)
-    fixed: dict[str, float | str] = {}
+    fixed: dict[str, float | str] = Field(default={})
     ties: tuple[tuple[str, str, float], ...] = ()
     windowed: bool = False
 
@@ -117,7 +114,7 @@ class _AsTerm(_Entry):
 
     acts_on: str
     expression: str
-    also: dict[str, str] = {}
+    also: dict[str, str] = Field(default={})
     state: str | None = None
     rate: str | None = None
     parameters: dict[str, _OfTerm] = Field(min_length=1)
@@ -160,7 +157,7 @@ class _AsTerm(_Entry):
         )  # fmt: skip
 
 
-class _File(_Table):
+class _File(FileModel):
     effect: tuple[_OfKeys, ...] = ()
     term: tuple[_AsTerm, ...] = ()
 

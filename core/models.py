@@ -1,0 +1,69 @@
+"""Base class of what is read from a user's file: tasks, recipes, column maps, catalogues."""
+
+from __future__ import annotations
+
+from types import NoneType
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
+
+
+class FileModel(BaseModel):
+    """An immutable table of a file: no unknown key, every number finite, no truth value or text for one.
+
+    Ship files have a stricter base, :class:`shaftline.plant.keys.Section`, for TOML keeps types apart
+    that YAML and pydantic's lax mode mix.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _numbers_are_numbers(cls, value: Any, info: ValidationInfo) -> Any:
+        assert info.field_name is not None
+        leaves = _leaves(cls.model_fields[info.field_name].annotation)
+        numeric = bool(leaves & {float, int}) and leaves <= {float, int, NoneType}
+        if leaves <= _PLAIN - {bool}:
+            refuse_words(value, (bool, str) if numeric else (bool,))
+        return value
+
+
+_PLAIN = frozenset({float, int, str, bool, NoneType})
+
+
+def _leaves(annotation: Any) -> set[Any]:
+    """Return the types at the ends of an annotation; the keys of a dictionary are left out."""
+    parts = get_args(annotation)
+    if annotation in _PLAIN or not parts:
+        return {annotation}
+    if get_origin(annotation) is Annotated:  # the type stands first
+        parts = parts[:1]
+    if get_origin(annotation) is Literal:
+        return {type(part) for part in parts}
+    if get_origin(annotation) is dict:
+        parts = parts[1:]
+    return set().union(*(_leaves(part) for part in parts if part is not Ellipsis))
+
+
+def refuse_words(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:
+    """Refuse a value that is, or holds at any depth, a truth value or a text.
+
+    Args:
+        value: of a file: a number, or lists and tables of numbers.
+        kinds: bool, str or both.
+
+    Raises:
+        ValueError: names the value.
+    """
+    if isinstance(value, dict):
+        for key, part in value.items():
+            try:
+                refuse_words(part, kinds)
+            except ValueError as error:
+                raise ValueError(f"{key}: {error}") from None
+    elif isinstance(value, list | tuple):
+        for part in value:
+            refuse_words(part, kinds)
+    elif isinstance(value, kinds):
+        given = "a truth value" if isinstance(value, bool) else "a text"
+        raise ValueError(f"{value!r} is {given}, where a number is needed")
