@@ -25,6 +25,7 @@ from ..plant.state import Inputs, State
 from ..plant.stepping import Disturbance, prepare
 from ..plant.terms import Term
 from ..plant.waves import calm
+from .divergence import refuse_divergence
 from .kernel import control_interval, first_observation
 from .ranges import observed_ranges
 from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
@@ -346,3 +347,4 @@ class Batch:
         control_interval(
             self.environments, self.common, self.gains, action, self.steps, self.dt, first, last,
         )  # fmt: skip
+        refuse_divergence(self.ship, self.environments, first, last)

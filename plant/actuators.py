@@ -16,7 +16,7 @@ class PitchActuator(Section):
     needs = "has_variable_pitch"
 
     time_constant_s: float = number(
-        "tau_p", "s", record="pitch_time_constant", ge=0.05, le=100, default=2.0
+        "tau_p", "s", record="pitch_time_constant", lag=True, ge=0.05, le=100, default=2.0
     )
     dead_band: float = effect(
         0.0, "P/D error that does not move it (half width)", record="pitch_dead_band", ge=0, le=0.5

@@ -51,6 +51,7 @@ def number(
     record: str,
     needs: str = "",
     required: str = "",
+    lag: bool = False,
     **limits: Any,
 ) -> Any:
     """A number of a ship.
@@ -61,9 +62,12 @@ def number(
         record: its field in the kernels' record.
         needs: names of :data:`LACKING`; on a ship without one of them it acts on nothing.
         required: when it must be given although it has a default: ``with a propeller``.
+        lag: whether it is a time constant [s] of a state that the Runge-Kutta steps integrate.
         limits: pydantic's ``ge``, ``gt``, ``le``, ``lt`` and ``default``.
     """
     extra: dict[str, Any] = {"unit": unit, "record": record, "needs": needs, "required": required}
+    if lag:
+        extra["lag"] = True
     if limits.get("default") == INF:
         limits["allow_inf_nan"] = (
             True  # the lower bound that each such key has refuses nan and -inf
@@ -122,6 +126,14 @@ class Section(BaseModel):
     validity: ClassVar[tuple[Validity, ...]] = ()
     """Ranges in which the section's models hold."""
 
+    @property
+    def time_constants(self) -> dict[str, float]:
+        """Time constants [s] in force, by key, that the time step has to resolve; 0 is none."""
+        values = {
+            k: getattr(self, k) for k, info in type(self).model_fields.items() if is_lag(info)
+        }
+        return {key: float(value) for key, value in values.items() if value > 0.0}
+
     def fill(self, record: Any) -> None:
         """Write the section's numbers into a ship's record; a section with ``derived`` adds those."""
         for key, info in type(self).model_fields.items():
@@ -162,6 +174,16 @@ class KeyInfo(NamedTuple):
     low: float
     high: float
     neutral: float | None
+    gap: float = (
+        0.0  # values between 0 and this are time constants that the time step cannot resolve
+    )
+
+    def inside(self, value: float) -> float:
+        """Return the nearest value that the ship can have: within the range and outside the gap."""
+        value = min(max(value, self.low), self.high)
+        if 0.0 < value < self.gap:
+            return self.gap if value >= 0.5 * self.gap else 0.0
+        return value
 
 
 class Number(NamedTuple):
@@ -215,6 +237,12 @@ def unit_of(info: FieldInfo) -> str:
     """Unit of a number."""
     extra = info.json_schema_extra
     return str(extra.get("unit", "-")) if isinstance(extra, dict) else "-"
+
+
+def is_lag(info: FieldInfo) -> bool:
+    """Return whether a number is the time constant of a state that is integrated in steps."""
+    extra = info.json_schema_extra
+    return isinstance(extra, dict) and "lag" in extra
 
 
 def needs_of(info: FieldInfo) -> str:

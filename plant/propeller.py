@@ -104,7 +104,7 @@ class Propeller(Section):
         0.0, "inertia of entrained water", "kg m2", record="entrained_inertia", ge=0, le=1e7
     )
     inflow_lag_s: float = effect(
-        0.0, "first-order lag of the inflow", "s", record="inflow_lag", ge=0, le=60
+        0.0, "first-order lag of the inflow", "s", record="inflow_lag", lag=True, ge=0, le=60
     )
     astern_load_fraction: float = effect(
         1.0, "thrust and torque of a shaft that turns astern / by the curves",

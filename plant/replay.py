@@ -27,6 +27,7 @@ from .columns import (
     input_columns,
     signal_columns,
 )
+from .divergence import refuse_divergence
 from .dynamics import settled
 from .hull import wake_inflow, water_speed
 from .memory import MEMORY
@@ -320,9 +321,11 @@ def simulate_recording(
     Raises:
         RecordingError: as of :class:`Replay`.
         ShipError: likewise.
+        ValueError: the simulation diverges; names the signal and the time.
     """
     replay = Replay(ship, recording)
     samples = replay.simulate(ship.record(), sea=sea)
+    refuse_divergence(ship, samples)
     warn_of_departures(ship, samples)
     helm = [RUDDER] if replay.helm_measured else [RUDDER_COMMAND]
     given = [*input_columns(ship), *WATER, *helm, *sorted(ship.signals)]

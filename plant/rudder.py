@@ -76,7 +76,13 @@ class Rudder(Section):
         default=math.radians(35.0),
     )  # fmt: skip
     time_constant_s: float = effect(
-        0.0, "of the steering gear; 0: it follows at once", "s", record="rudder_lag", ge=0, le=100
+        0.0,
+        "of the steering gear; 0: it follows at once",
+        "s",
+        record="rudder_lag",
+        lag=True,
+        ge=0,
+        le=100,
     )
     rate_limit_rad_s: float = effect(
         INF, "of the steering gear", "rad/s", record="rudder_rate_limit", gt=0

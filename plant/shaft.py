@@ -33,7 +33,8 @@ class Transmission(Section):
         default=0.0,
     )  # fmt: skip
     stiction_speed_rad_s: float = number(
-        "speed below which Coulomb friction sticks: it is M tanh(omega / this)", "rad/s",
+        "speed below which Coulomb friction sticks: it is M tanh(omega / this); raised to M dt / I "
+        "where it is lower", "rad/s",
         record="stiction_speed", gt=0, le=10, default=0.05,
     )  # fmt: skip
     coulomb_friction_engine_side_N_m: float = effect(
@@ -72,16 +73,22 @@ def friction_torque(plant: Record, coulomb: float, viscous: float, shaft_speed: 
     Args:
         plant: ship record, for ``stiction_speed`` [rad/s].
         coulomb: torque independent of speed [N m]; tanh(omega / stiction_speed) instead of the sign, so
-            that a shaft can start from rest. Beyond 20 of it the two are equal to the last bit.
+            that a shaft can start from rest. Beyond 20 of it the two are equal to the last bit. The
+            speed is raised to ``coulomb dt / I`` where it is lower, by which the friction alone slows
+            the shaft in a time step: below it the integration would chatter about standstill.
         viscous: torque per shaft speed [N m s/rad].
         shaft_speed: omega [rad/s].
     """
     if coulomb == 0.0 and viscous == 0.0:
         return 0.0
-    if abs(shaft_speed.real) > 20.0 * plant.stiction_speed.real:
+    sticks = plant.stiction_speed
+    inertia = shaft_inertia(plant)
+    if inertia.real * sticks.real < coulomb.real * plant.time_step and plant.speed_held == 0:
+        sticks = coulomb * plant.time_step / inertia
+    if abs(shaft_speed.real) > 20.0 * sticks.real:
         direction = math.copysign(1.0, shaft_speed.real)
     else:
-        direction = np.tanh(shaft_speed / plant.stiction_speed)
+        direction = np.tanh(shaft_speed / sticks)
     return coulomb * direction + viscous * shaft_speed
 
 

@@ -39,6 +39,7 @@ from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
 from .term_kernel import MAX_SIGNALS, MAX_TERMS
 from .terms import OF_A_TURN, Name, Term
+from .time_constants import check_time_constants, resolved
 from .tolerances import Tolerances
 from .ventilation import Ventilation
 
@@ -96,11 +97,7 @@ class Ship(Section):
             ]
             require(self.transmission, tuple(keys), UNLESS_HELD, "transmission.")
         check_turning(self)
-        what, constant = self.prime_mover.time_constant
-        if step > constant:
-            raise ValueError(
-                f"integration.time_step_s = {step} s must not exceed {what} = {constant:.3g} s"
-            )
+        check_time_constants(self)
         return self
 
     @property
@@ -262,7 +259,8 @@ class Ship(Section):
         found = place_of(fields[key])
         if found is None:
             raise ShipError(f"{self.name}: {dotted} has no field of its own in the kernels' record")
-        return Number(dotted, float(getattr(table, key)), info_of(fields[key]), *found)
+        value, info = float(getattr(table, key)), info_of(fields[key])
+        return Number(dotted, value, resolved(self, dotted, value, info), *found)
 
     def _number_of_term(self, dotted: str, term: str, name: str) -> Number:
         for slot, own in enumerate(self.term):

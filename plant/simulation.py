@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.sizes import check_size
+from .divergence import refuse_divergence
 from .memory import MEMORY
 from .rudder import rudder_angle
 from .ship import Ship
@@ -209,7 +210,7 @@ def simulate(
     Raises:
         ShipError: the ship's delays or its motor do not fit the time step, or a term hears a signal
             that the schedule does not have.
-        ValueError: an input is not finite, the duration not positive, or the state leaves all bounds.
+        ValueError: an input is not finite, the duration not positive, or the simulation diverges.
     """
     if dt is not None and dt != ship.time_step_s:
         ship = ship.with_values({"integration.time_step_s": dt})
@@ -245,11 +246,6 @@ def simulate(
         dt,
         samples,
     )
-    if not np.isfinite(samples["shaft_speed"][-1]):
-        lost = int(np.argmin(np.isfinite(samples["shaft_speed"]))) * dt
-        raise ValueError(
-            f"{ship.name}: the state left all bounds before {lost:.4g} s; is the initial state, a "
-            "demand or a number of the ship many orders too large?"
-        )
+    refuse_divergence(ship, samples)
     warn_of_departures(ship, samples)
     return samples

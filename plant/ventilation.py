@@ -109,11 +109,11 @@ class Ventilation(Section):
     )  # fmt: skip
     growth_time_s: float = number(
         "time constant of growth", "s", record="ventilation_growth_time", ge=0.05, le=20,
-        default=0.5,
+        default=0.5, lag=True,
     )  # fmt: skip
     washout_time_s: float = number(
         "time constant of recovery", "s", record="ventilation_washout_time", ge=0.05, le=60,
-        default=1.5,
+        default=1.5, lag=True,
     )  # fmt: skip
 
 

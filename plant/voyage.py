@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
+from .divergence import refuse_divergence
 from .memory import MEMORY
 from .ship import Ship
 from .signals import SAMPLE
@@ -96,6 +97,9 @@ class Voyage:
 
         Returns:
             Where she is then.
+
+        Raises:
+            ValueError: the simulation diverges; names the signal and the time.
         """
         end = self._steps + steps
         if end > len(self._samples):
@@ -107,5 +111,6 @@ class Voyage:
             float(pitch_command), float(rudder_command), acting, self.dt,
             self._samples[self._steps : end],
         )  # fmt: skip
+        refuse_divergence(self.ship, self._samples[self._steps : end])
         self._steps = end
         return self.state

@@ -82,7 +82,8 @@ class Recipe(FileModel):
     @field_validator("form", mode="before")
     @classmethod
     def _of_numbers(cls, value: Any) -> Any:
-        refuse_words(value)
+        if isinstance(value, dict):
+            refuse_words({k: v for k, v in value.items() if k != "base"}, (bool, str))
         return value
 
     @field_validator("hyperparameters")

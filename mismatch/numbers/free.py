@@ -58,14 +58,22 @@ class Free:
         Raises:
             ShipError: a value out of range.
         """
-        return self.ship.with_values(dict(zip(self.keys, map(float, values), strict=True)))
+        return self.ship.with_values(dict(zip(self.keys, self._resolved(values), strict=True)))
+
+    def _resolved(self, values: Sequence[float]) -> list[float]:
+        """Return the values, each time constant at what the time step resolves, or at 0."""
+        found = []
+        for number, value in zip(self.numbers, map(float, values), strict=True):
+            short = 0.0 < value < number.info.gap
+            found.append(number.info.inside(value) if short else value)
+        return found
 
     def record(self, values: Sequence[float]) -> Any:
         """Its record for the kernels."""
         if not all(number.field for number in self.numbers):
             return self.at(values).record()
         plant = self.ship.record()
-        for number, value in zip(self.numbers, values, strict=True):
+        for number, value in zip(self.numbers, self._resolved(values), strict=True):
             number.write(plant, value)
         return plant
 

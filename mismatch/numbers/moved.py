@@ -82,7 +82,7 @@ class Numbers:
         found = {}
         for key, change in zip(self.keys, self._changes @ fit.tolerances, strict=True):
             number = self.fitter.trial_ship.ship.number(key)
-            found[key] = float(np.clip(number.value + change, number.info.low, number.info.high))
+            found[key] = float(number.info.inside(number.value + change))
         return found
 
     def shifts(self, fit: Fit) -> dict[str, float]:

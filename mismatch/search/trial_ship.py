@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Iterator, Mapping
@@ -15,6 +16,7 @@ from ...plant.propeller import cavitation_number
 from ...plant.propeller_curves import NO_PROPELLER
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
+from ...plant.ship_errors import ShipError
 from ...plant.terms import OF_A_TURN
 from ..simulate.balances import Balances
 from .effect import Effect, Parameter
@@ -58,10 +60,11 @@ class TrialShip:
             found[f"{section}.episode_start_s"] = start
             found[f"{section}.episode_end_s"] = end
         host = placed.effect.on(self.ship)
-        return {
-            key: float(np.clip(value, *self._range(host.number(key))))
-            for key, value in found.items()
-        }
+        return {key: self._inside(host.number(key), value) for key, value in found.items()}
+
+    def _inside(self, number: Number, value: float) -> float:
+        """Return the nearest value that a number can have on this ship and in this recording."""
+        return float(number.info.inside(np.clip(value, *self._range(number))))
 
     def _scale(self, of: str) -> float:
         """What a probe of 1 is worth: a scale by name, or the size of a number of the ship's file."""
@@ -100,11 +103,18 @@ class TrialShip:
         return plant
 
     def corrected(self, effects: tuple[Placed, ...]) -> Ship:
-        """The ship with some effects on it."""
+        """The ship with some effects on it, and a shorter time step where they ask for one."""
         values: dict[str, Any] = {}
         for placed in effects:
             values |= self.settings(placed)
-        return self.host(effects).with_values(values)
+        host, step_s = self.host(effects), self.ship.time_step_s
+        try:
+            return host.with_values(values)
+        except ShipError:  # physics together that is faster than the ship's time step
+            for parts in (2, 4, 8):
+                with contextlib.suppress(ShipError):
+                    return host.with_values({**values, "integration.time_step_s": step_s / parts})
+            raise
 
     def least(self, parameter: Parameter) -> float:
         """Distance from the neutral value below which something else looks the same.
@@ -212,7 +222,7 @@ def scales(balances: Balances) -> Mapping[str, float]:
         outside["force/sway_speed/yaw_rate"] = typical(samples["resistance"]) / turning
     return outside | {
         "unit": 1.0,
-        "time_step": max(run.dt for run in balances.replay.runs),
+        "time_step": balances.replay.ship.time_step_s,
         "torque/drive": torque / typical(drive),
         "torque": torque,
         "torque/shaft_speed": torque / shaft,

@@ -14,6 +14,9 @@ from ..keys import INF, effect, number
 from ..signals import Signal
 from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
 
+ARMATURE = "armature_inductance_H / armature_resistance_ohm"
+"""Time constant [s] of the armature, as messages name it."""
+
 
 class DcMotor(PrimeMover):
     """Direct-current motor driven by a voltage."""
@@ -64,11 +67,11 @@ class DcMotor(PrimeMover):
     )  # fmt: skip
 
     @property
-    def time_constant(self) -> tuple[str, float]:
+    def time_constants(self) -> dict[str, float]:
         """L/R of the armature [s]; none where the current follows at once."""
         if self.armature_inductance_H == 0.0:
-            return super().time_constant
-        return "the armature's L/R", self.armature_inductance_H / self.armature_resistance_ohm
+            return {}
+        return {ARMATURE: self.armature_inductance_H / self.armature_resistance_ohm}
 
     def fill(self, record: Any) -> None:
         """Its numbers; demands go either way, and have no rack."""

@@ -81,11 +81,11 @@ class Diesel(PrimeMover):
         "N m", record="starting_air_torque", ge=0, le=1e7, default=0.0,
     )  # fmt: skip
     lag_s: float = effect(
-        0.0, "first-order lag of the torque", "s", record="engine_lag", ge=0, le=30
+        0.0, "first-order lag of the torque", "s", record="engine_lag", lag=True, ge=0, le=30
     )
     charge_air_lag_s: float = effect(
         0.0, "lag of the charge air behind the power; 0 is no smoke limit", "s", record="charge_lag",
-        ge=0, le=60,
+        lag=True, ge=0, le=60,
     )  # fmt: skip
     smoke_limit_N_m: float = number(
         "brake torque that the engine can give without charge air", "N m", record="smoke_limit",
@@ -97,7 +97,7 @@ class Diesel(PrimeMover):
     )  # fmt: skip
     warmth_lag_s: float = effect(
         0.0, "lag of the parts' warmth behind the power; 0 is no loading limit", "s",
-        record="warmth_lag", ge=0, le=7200,
+        record="warmth_lag", lag=True, ge=0, le=7200,
     )  # fmt: skip
     loading_limit_N_m: float = number(
         "brake torque that the cold engine may give", "N m", record="loading_limit", gt=0,

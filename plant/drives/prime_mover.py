@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar
 
 from ...core.compiled import Real, Record, compiled
@@ -28,11 +27,6 @@ class PrimeMover(Section):
     def delays(self) -> dict[str, float]:
         """Dead times [s] by key, each a history that the plant keeps."""
         return {}
-
-    @property
-    def time_constant(self) -> tuple[str, float]:
-        """Name and size [s] of its shortest time constant, which a time step must not exceed."""
-        return "", math.inf
 
 
 def torque_offset() -> Any:

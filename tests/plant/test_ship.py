@@ -189,7 +189,7 @@ def test_key_has_a_field_and_a_range(
     frigate: Ship, key: str, field: str, info: tuple[object, ...]
 ) -> None:
     assert frigate.number(key).field == field
-    assert frigate.number(key).info == info
+    assert frigate.number(key).info[:4] == info
 
 
 def test_prime_mover_decides_about_its_keys(frigate: Ship) -> None:
@@ -247,7 +247,9 @@ def test_time_step_must_resolve_the_armature() -> None:
     tug = load_ship("tito-neri-sine")
     constant = 0.000603 / 1.51
     tug.with_values({"integration.time_step_s": 0.99 * constant})
-    with pytest.raises(ShipError, match=r"integration\.time_step_s .* L/R = 0\.000399 s"):
+    with pytest.raises(
+        ShipError, match=r"resistance_ohm = 0\.0003993 s is shorter than .*time_step_s"
+    ):
         tug.with_values({"integration.time_step_s": 1.01 * constant})
     keys = ("prime_mover.armature_inductance_H", "prime_mover.armature_resistance_ohm",
             "integration.time_step_s")  # fmt: skip
@@ -272,7 +274,7 @@ def test_a_terms_number_is_found_by_term_and_name(frigate: Ship) -> None:
     ship = frigate.with_values({"term": TERMS})
     found = ship.number("term.second.k")
     assert (found.value, found.place, found.field) == (3.0, (1, 1), "term_constants")
-    assert found.info == ("N m", 0.0, 9.0, None)
+    assert found.info[:4] == ("N m", 0.0, 9.0, None)
     assert ship.number("term.first.k").place == (0, 0)
     for key in ("term.first.j", "term.third.k", "term.second", "term"):
         with pytest.raises(ShipError, match=f"{key} is not a known key"):

@@ -26,12 +26,13 @@ def test_only_a_diesel_has_a_dead_time() -> None:
 
 
 def test_only_an_armature_with_inductance_bounds_the_time_step() -> None:
-    assert load_ship("frigate").prime_mover.time_constant[1] == math.inf
+    assert load_ship("frigate").prime_mover.time_constants == {}
     bare = load_ship("rov-thruster").with_values({"prime_mover.armature_inductance_H": 0.0})
-    assert bare.prime_mover.time_constant[1] == math.inf
+    assert bare.prime_mover.time_constants == {}
     coil = bare.with_values({
         "prime_mover.armature_inductance_H": 0.02,
         "prime_mover.armature_resistance_ohm": 4.0,
         "integration.time_step_s": 0.004,
     })  # fmt: skip
-    assert math.isclose(coil.prime_mover.time_constant[1], 0.005)
+    (constant,) = coil.prime_mover.time_constants.values()
+    assert math.isclose(constant, 0.005)

@@ -1,0 +1,188 @@
+"""Time constants of a ship beside its time step: which one the integration cannot resolve.
+
+A classic Runge-Kutta step of length h multiplies a lag of time constant tau by
+``1 - z + z^2/2 - z^3/6 + z^4/24`` with ``z = h / tau``, where ``exp(-z)`` is exact. At h = tau the step
+response is off by 0.71 % of the step at most, at h = 1.1 tau by 1.1 %, and beyond h = 2.785 tau it
+diverges. So a time constant below the time step is refused. The first-order lag of the speed log is
+integrated exactly and may have any length.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .drives.dc_motor import ARMATURE, DcMotor
+from .keys import KeyInfo, Section, is_lag
+from .record import PLANT
+from .shaft import shaft_inertia
+from .term_kernel import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added
+from .terms import Term, add_term
+
+if TYPE_CHECKING:
+    from .ship import Ship
+
+_ROUNDING = 1e-9
+_CRUISE_M_S = 5.0  # at which the rate of a term's state is looked at, and twice that
+
+SHAFT = "transmission: inertia / (viscous friction + slope of arctangent friction + back-EMF)"
+"""Time constant [s] of the shaft, as messages name it."""
+
+
+def time_constants(ship: Ship) -> dict[str, float]:
+    """Return the time constants [s] in force on a ship that the time step has to resolve, by name.
+
+    Args:
+        ship: the ship.
+    """
+    found = {}
+    for name in type(ship).model_fields:
+        section = getattr(ship, name)
+        if isinstance(section, Section) and all(getattr(ship, n) for n in section.needs.split()):
+            found |= {f"{name}.{key}": value for key, value in section.time_constants.items()}
+    slope = _damping(ship)
+    if ship.turns_freely and slope > 0.0:
+        plant = np.zeros(1, PLANT)[0]
+        ship.transmission.fill(plant)
+        ship.propeller.fill(plant)
+        found[SHAFT] = float(shaft_inertia(plant)) / slope
+    return found
+
+
+def _damping(ship: Ship) -> float:
+    """Return the slope [N m s/rad] of the torques that damp a shaft whatever its speed."""
+    line, mover = ship.transmission, ship.prime_mover
+    slope = line.viscous_friction_engine_side_N_m_s_rad
+    slope += line.viscous_friction_propeller_side_N_m_s_rad
+    slope += line.arctangent_friction_engine_side_N_m * line.arctangent_friction_slope_s_rad
+    if isinstance(mover, DcMotor) and mover.armature_inductance_H == 0.0:
+        constant = mover.motor_constant_V_s_rad * line.gear_ratio
+        slope += constant * constant * line.efficiency / mover.armature_resistance_ohm
+    return slope
+
+
+def check_time_constants(ship: Ship) -> None:
+    """Refuse a time constant, or a term's state, that is faster than the ship's time step.
+
+    Raises:
+        ValueError: names the key, its value and the limit.
+    """
+    step = ship.time_step_s
+    for name, value in time_constants(ship).items():
+        if value < step * (1.0 - _ROUNDING):
+            raise ValueError(
+                f"{name} = {value:.4g} s is shorter than integration.time_step_s = {step:g} s, "
+                "which cannot resolve it. Give a longer time constant or a shorter time step"
+            )
+    for term in ship.term:
+        if term.state is None:
+            continue
+        fastest = _fastest_rate(term, tuple(sorted(ship.signals)), tuple(_conditions(ship)))
+        if fastest * step > 1.0 + 1e-6:
+            raise ValueError(
+                f"term {term.id!r}: its state {term.state} has a time constant of "
+                f"{1.0 / fastest:.4g} s, shorter than integration.time_step_s = {step:g} s, which "
+                "cannot resolve it. Give parameters of a slower rate or a shorter time step"
+            )
+
+
+def _conditions(ship: Ship) -> Iterator[tuple[float, ...]]:
+    """Yield signals at which the rates of terms' states are looked at: at rest, ahead, and fast."""
+    depth, mover = ship.propeller.depth_m, ship.prime_mover
+    yield tuple(Heard(*np.zeros(len(Heard._fields)).tolist())._replace(submergence=depth))
+    top = 1.0
+    if ship.has_diesel:
+        top = ship.shaft_speeds[1]
+    elif isinstance(mover, DcMotor):
+        top = mover.voltage_max_V / mover.motor_constant_V_s_rad / ship.transmission.gear_ratio
+    pitch = ship.propeller.pitch_ratio_max
+    speed = _CRUISE_M_S if ship.moves else 0.0
+    for share in (0.5, 1.0):
+        yield Heard(
+            shaft_speed=share * top, ship_speed=2.0 * share * speed, pitch_ratio=pitch,
+            pitch_command=pitch, drive=share * _top_demand(ship),
+            advance_velocity=2.0 * share * speed * (1.0 - ship.hull.wake_fraction),
+            submergence=depth, time=0.0, sway_speed=0.0, yaw_rate=0.0, heading=0.0,
+            rudder_angle=0.0,
+        )  # fmt: skip
+
+
+def _top_demand(ship: Ship) -> float:
+    plant = np.zeros(1, PLANT)[0]
+    ship.prime_mover.fill(plant)
+    return float(plant["drive_max"])
+
+
+@functools.lru_cache(maxsize=256)
+def _fastest_rate(
+    term: Term, signals: tuple[str, ...], conditions: tuple[tuple[float, ...], ...]
+) -> float:
+    """Return the largest |d rate / d state| [1/s] of a term's state, at 0 and where its rate vanishes.
+
+    Args:
+        term: with a state.
+        signals: from outside that the ship hears, in their order.
+        conditions: each the values of :class:`Heard`.
+    """
+    plant = np.zeros(1, PLANT)[0]
+    add_term(plant, term, signals)
+
+    def rate(at: Any, state: float) -> float:
+        states = (state, *(0.0,) * (MAX_STATES - 1))
+        nothing = Loaded(0.0, 0.0, 0.0, 0.0, 0.0)
+        return float(added(plant, Heard(*at), nothing, states, (0.0,) * MAX_SIGNALS).rate_1)
+
+    fastest = 0.0
+    for at in conditions:
+        for state in {0.0, _rest(functools.partial(rate, at))}:
+            step = 1e-6 * max(1.0, abs(state))
+            slope = abs(rate(at, state + step) - rate(at, state - step)) / (2.0 * step)
+            fastest = max(fastest, slope if math.isfinite(slope) else 0.0)
+    return fastest
+
+
+def _rest(rate: Any) -> float:
+    """Return the state at which a rate vanishes, by doubled steps from 0; 0 where there is none."""
+    begins = rate(0.0)
+    if begins == 0.0 or not math.isfinite(begins):
+        return 0.0
+    near, far = 0.0, math.copysign(1e-6, begins)
+    for _ in range(80):
+        if rate(far) * begins <= 0.0:
+            break
+        near, far = far, 2.0 * far
+    else:
+        return 0.0
+    for _ in range(50):
+        middle = 0.5 * (near + far)
+        near, far = (middle, far) if rate(middle) * begins > 0.0 else (near, middle)
+    return 0.5 * (near + far)
+
+
+def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
+    """Return a number's range as far as the ship's time step resolves the time constants that it sets.
+
+    Args:
+        ship: the ship.
+        key: dotted key of the number.
+        value: of the number on the ship.
+        info: range that the key allows.
+    """
+    section, _, name = key.partition(".")
+    mover, shortest = ship.prime_mover, ship.time_step_s
+    if isinstance(mover, DcMotor) and section == "prime_mover" and name in ARMATURE:
+        if name == "armature_inductance_H":
+            shortest *= mover.armature_resistance_ohm
+        elif name == "armature_resistance_ohm" and mover.armature_inductance_H > 0.0:
+            return info._replace(high=min(info.high, mover.armature_inductance_H / shortest))
+        else:
+            return info
+    elif not is_lag(type(getattr(ship, section)).model_fields[name]):
+        return info
+    if value > 0.0:
+        return info._replace(low=max(info.low, min(shortest, value)))
+    return info._replace(gap=shortest)
