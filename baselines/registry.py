@@ -41,6 +41,13 @@ _HELMSMEN = {
 }
 
 
+_LARGEST = 1e9
+"""Size of an option of a controller at most, in its unit."""
+
+_TIMES = 100.0
+"""Times the upper end of the range of a search that an option may have."""
+
+
 def helmsman_names() -> list[str]:
     """All that lay the rudder."""
     return [*_HELMSMEN, *offered(HELMSMEN)]
@@ -63,6 +70,7 @@ def make_helmsman(
     """
     name, options = read_options(text)
     kind = _HELMSMEN.get(name) or _of_others(name, HELMSMEN, "helmsman", helmsman_names())
+    _refuse_absurd(text, kind, options)
     try:
         made: ShapedHelmsman = kind(ship, interval_s, speed_m_s, **options)
         return made
@@ -132,10 +140,29 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     """
     name, options = read_options(text)
     kind, fixed = _known(name)
+    _refuse_absurd(text, kind, options)
     try:
         return kind(ship, interval_s, **fixed, **options)
     except TypeError as error:
         raise ControllerError(f"{text!r}: {error}") from None
+
+
+def _refuse_absurd(text: str, kind: Any, options: Mapping[str, float]) -> None:
+    """Refuse options far beyond the range in which a search may set them, or of the wrong sign.
+
+    Raises:
+        ControllerError: names the option and its limits.
+    """
+    ranges: Mapping[str, tuple[float, float]] = getattr(kind, "tunable", {})
+    for key, value in options.items():
+        low, high = ranges.get(key, (-_LARGEST, _LARGEST))
+        most = _TIMES * max(abs(low), abs(high)) if key in ranges else _LARGEST
+        least = 0.0 if low >= 0.0 else -most
+        if not least <= value <= most:
+            usual = f"; usual are {low:g} to {high:g}" if key in ranges else ""
+            raise ControllerError(
+                f"{text!r}: option {key} = {value:g}: must be {least:g} to {most:g}{usual}"
+            )
 
 
 def read_options(text: str) -> tuple[str, dict[str, float]]:

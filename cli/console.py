@@ -19,6 +19,7 @@ from rich.table import Table
 
 from ..core.files import check_writable
 from ..plant import Ship
+from . import STOPPED
 from .machine import told
 from .progress import errors
 from .progress import progress as progress
@@ -148,7 +149,7 @@ def clear_errors() -> Iterator[None]:
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
         errors.print("stopped; what is finished is kept", highlight=False)
-        raise typer.Exit(130) from None
+        raise typer.Exit(STOPPED) from None
 
 
 @contextmanager

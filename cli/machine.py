@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import itertools
 import json
 import math
 import os
@@ -30,7 +31,7 @@ Json = Annotated[
 
 _STANDARD = Path("-")
 
-RESULTS = ("out", "figure", "json", "draft", "markdown")
+RESULTS = ("out", "figure", "json", "draft", "markdown_file")
 """Options that name a file to be written."""
 
 
@@ -117,15 +118,36 @@ def _keep_what_is_read(given: Mapping[str, Any]) -> None:
     from .console import clear_errors
 
     with clear_errors():
+        _keep_apart({n: given[n] for n in RESULTS if isinstance(given.get(n), Path)})
         for name in (name for name in RESULTS if isinstance(given.get(name), Path)):
             for other, values in given.items():
                 for value in values if isinstance(values, list | tuple) else (values,):
                     read = other not in RESULTS and isinstance(value, str | Path)
                     if read and _same_file(given[name], value):
                         raise ValueError(
-                            f"--{name} {given[name]}: is read as {other.replace('_', '-')} and would "
-                            "be replaced; give another file"
+                            f"{_option(name)} {given[name]}: is read as "
+                            f"{other.replace('_', '-')} and would be replaced; give another file"
                         )
+
+
+def _option(name: str) -> str:
+    """Return an option as it is typed."""
+    return "--" + name.removesuffix("_file").replace("_", "-")
+
+
+def _keep_apart(results: Mapping[str, Path]) -> None:
+    """Refuse two options that name one file, or a folder where another one asks for a file.
+
+    Raises:
+        ValueError: names both.
+    """
+    places = [(name, p) for name, p in results.items() if p != _STANDARD]
+    for (name, path), (other, second) in itertools.combinations(places, 2):
+        if os.path.realpath(path) == os.path.realpath(second) or _same_file(path, second):
+            raise ValueError(
+                f"{_option(name)} {path} and {_option(other)} {second} are one file: the second "
+                "would replace the first. Give each a file of its own"
+            )
 
 
 def _same_file(path: Path, other: str | Path) -> bool:
@@ -141,7 +163,7 @@ def _telling(file: Path | None) -> Iterator[None]:
     if file is None:
         yield
         return
-    from ..core.files import check_writable, write_json
+    from ..core.files import check_writable, recorded, write_json
     from .console import clear_errors, console
 
     if file != _STANDARD:
@@ -149,7 +171,14 @@ def _telling(file: Path | None) -> Iterator[None]:
             check_writable(file)
     _told, console.quiet = Told(), file == _STANDARD
     try:
-        yield
+        with recorded() as written:
+            yield
+        if file != _STANDARD and os.path.realpath(file) in written:
+            with clear_errors():
+                raise ValueError(
+                    f"--json {file}: the command has written a result of its own there, which "
+                    "is kept. Give another file"
+                )
         if file == _STANDARD:
             sys.stdout.write(json.dumps(_told.to_dict(), indent=2, allow_nan=False) + "\n")
         else:

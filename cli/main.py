@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from . import STOPPED
 from .machine import with_json
 from .progress import loading, tell_compiling
 
@@ -84,6 +85,14 @@ class Commands(TyperGroup):
     def __init__(self, **given: Any) -> None:
         super().__init__(**given)
         self.commands = {name: Later(name) for name in COMMANDS}
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a sub-command; Ctrl-C at any time, also while its modules load, ends with one line."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            typer.echo("stopped", err=True)
+            raise typer.Exit(STOPPED) from None
 
 
 app = typer.Typer(

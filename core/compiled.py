@@ -14,6 +14,8 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar, cast
 import numba
 from numba.misc.appdirs import AppDirs
 
+from .kernel_cache import check_files
+
 Record: TypeAlias = Any
 """One element of a NumPy structured array, as a kernel sees it (fields as attributes)."""
 
@@ -145,6 +147,7 @@ def _compiled(
     kernel = numba.njit(
         cache=True, error_model="numpy", nogil=True, forceinline=inline, fastmath=fastmath
     )(function)
+    check_files(kernel)
     return cast("Callable[P, R]", kernel)
 
 

@@ -6,7 +6,8 @@ import json
 import os
 import tempfile
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,19 @@ def read_json(path: Path) -> Any:
         raise FileError(f"{path}: damaged, no valid JSON ({error}); remove it") from None
 
 
+_written: list[set[str]] = []
+
+
+@contextmanager
+def recorded() -> Iterator[set[str]]:
+    """Collect the real paths of the files that are written in a block."""
+    _written.append(set())
+    try:
+        yield _written[-1]
+    finally:
+        _written.pop()
+
+
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then rename it into place.
 
@@ -140,6 +154,8 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
         write(temporary)
         temporary.chmod(0o644)
         temporary.replace(path)
+        for names in _written:
+            names.add(os.path.realpath(path))
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -9,7 +9,12 @@ from importlib import resources
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from .surroundings import GRAVITY
+
+STEEPEST = 0.142
+"""Height over length at which a wave in deep water breaks (Michell 1893; DNV-RP-C205, section 3.4.6)."""
 
 
 class Sea(BaseModel):
@@ -27,6 +32,17 @@ class Sea(BaseModel):
     heading_deg: float = Field(
         default=180.0, ge=-360.0, le=360.0, description="heading to the waves [deg]"
     )
+
+    @model_validator(mode="after")
+    def _can_stand(self) -> Sea:
+        highest = STEEPEST * GRAVITY * self.tp_s**2 / (2.0 * math.pi)
+        if self.hs_m > highest:
+            raise ValueError(
+                f"hs_m = {self.hs_m:g} m at tp_s = {self.tp_s:g} s: such waves break. At this period "
+                f"the significant wave height is at most {math.floor(100.0 * highest) / 100.0:g} m, "
+                f"{STEEPEST:g} of the wavelength"
+            )
+        return self
 
 
 def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
@@ -90,5 +106,7 @@ def _sea_by_numbers(text: str) -> Sea:
         return Sea(**values)
     except ValidationError as error:
         first = error.errors()[0]
+        if not first["loc"]:  # of two numbers together
+            raise ValueError(f"sea {text!r}: {first['ctx']['error']}") from None
         about = Sea.model_fields[str(first["loc"][0])].description
         raise ValueError(f"sea {text!r}: {about}: {first['msg'].lower()}") from None

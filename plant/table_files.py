@@ -7,8 +7,14 @@ What a file does not say is guessed from its first lines, and the guess goes wit
 from __future__ import annotations
 
 import csv
+import importlib.util
+import os
+import pickle
 import re
+import subprocess
+import sys
 import zipfile
+import zlib
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,12 +22,14 @@ from typing import Any
 
 import pandas as pd
 
-from ..core.sizes import check_size
+from . import sheet_process
 
 _READ_BYTES = 100_000
 _SEPARATORS = ("\t", ";", "|", ",")  # a comma last: it may be the decimal sign of the others
 _CONSTANT = 0.9  # share of the lines that must have as many fields
 _HEAD_ROWS = 100  # of a spreadsheet, in which its names are looked for
+_LONGEST_S = 120  # for reading a spreadsheet
+_LARGEST_UNPACKED = 400e6  # of a spreadsheet [bytes]
 _SHORT = 16  # letters of a unit at most
 _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 
@@ -204,19 +212,10 @@ def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
     said = dict(given or {})
     if path.suffix.lower() != ".xls":
         _check_unpacked(path)
-    import python_calamine
-
-    try:
-        book = pd.ExcelFile(path, engine="calamine")
-    except (python_calamine.CalamineError, ValueError) as error:
-        raise LayoutError(f"it is no spreadsheet ({error})") from None
-    with book:
-        sheet = said.get("sheet", book.sheet_names[0])
-        if sheet not in book.sheet_names:
-            raise LayoutError(
-                f"no sheet {sheet!r}; it has: {', '.join(map(str, book.sheet_names))}"
-            )
-        raw = book.parse(sheet, header=None)
+    names, raw = _read_apart(path, said.get("sheet", ""))
+    sheet = said.get("sheet", names[0])
+    if raw is None:
+        raise LayoutError(f"no sheet {sheet!r}; it has: {', '.join(names)}")
     if raw.empty:
         raise LayoutError(f"sheet {sheet!r} is empty")
     head = [["" if pd.isna(c) else str(c) for c in row] for row in raw.head(_HEAD_ROWS).to_numpy()]
@@ -233,13 +232,55 @@ def read_sheet(path: Path, given: dict[str, Any] | None = None) -> pd.DataFrame:
     return _labelled(table.infer_objects(), layout, units)
 
 
+def _read_apart(path: Path, sheet: str) -> tuple[list[str], pd.DataFrame | None]:
+    """Return the names of a spreadsheet's sheets, and one of them as a table: None if it is not there.
+
+    Raises:
+        LayoutError: damaged, too large, or no spreadsheet.
+        ImportError: its reader is not installed.
+    """
+    if importlib.util.find_spec("python_calamine") is None:
+        raise ModuleNotFoundError("No module named 'python_calamine'", name="python_calamine")
+    script = Path(sheet_process.__file__)
+    line = [sys.executable, "-P", str(script), str(path.absolute()), sheet]
+    # one thread, for each asks for address space
+    alone = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(line, capture_output=True, timeout=_LONGEST_S, env=alone, check=False)
+    except subprocess.TimeoutExpired:
+        raise LayoutError(f"reading the spreadsheet took over {_LONGEST_S} s") from None
+    if done.returncode == 0:
+        names, table = pickle.loads(done.stdout)
+        return names, table
+    said = done.stderr.decode(errors="replace")
+    if "memory allocation" in said or "MemoryError" in said or "capacity overflow" in said:
+        raise LayoutError(
+            f"the spreadsheet needs more than {sheet_process.LARGEST_BYTES / 1e9:g} GB of memory: "
+            "perhaps a stray cell far from the table; delete it, or save the sheet as CSV"
+        )
+    raise LayoutError("it is no spreadsheet, or a damaged one; open it and save it as CSV")
+
+
 def _check_unpacked(path: Path) -> None:
+    declares = False
     try:
         with zipfile.ZipFile(path) as members:
             size = sum(member.file_size for member in members.infolist())
-    except zipfile.BadZipFile:
-        raise LayoutError("it is no spreadsheet") from None
-    check_size(size, 10.0, f"bytes of {path}, unpacked")
+            for member in members.infolist():
+                if member.filename.endswith(".xml") and size <= _LARGEST_UNPACKED:
+                    with members.open(member) as file:
+                        declares |= b"<!DOCTYPE" in file.read(_READ_BYTES)
+    except (zipfile.BadZipFile, zlib.error, OSError, ValueError, RuntimeError, EOFError):
+        raise LayoutError("it is no spreadsheet, or a damaged one") from None
+    if size > _LARGEST_UNPACKED:
+        raise LayoutError(
+            f"the spreadsheet unpacks to {size / 1e6:.0f} MB; at most {_LARGEST_UNPACKED / 1e6:.0f} "
+            "MB are read. Save the sheet as CSV"
+        )
+    if declares:  # entities, which no spreadsheet program writes
+        raise LayoutError(
+            "the spreadsheet declares a document type: it is a damaged or a harmful one"
+        )
 
 
 def _unique(row: pd.Series) -> list[str]:

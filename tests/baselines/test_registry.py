@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -143,3 +144,21 @@ def test_each_says_what_it_does_and_where_it_comes_from(name: str) -> None:
     assert ";" not in told.words
     assert told.source
     assert not set(told.fixed) & set(told.tunable)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "va-pitch:speed_gain=-1e300",
+            "speed_gain = -1e+300: must be 0 to 1600; usual are 0.25 to 16",
+        ),
+        ("va-pitch:speed_gain=-1", "speed_gain = -1: must be 0 to 1600"),
+        ("speed-pilot:pitch_offset=-31", "must be -30 to 30"),
+        ("combinator:trim_s=1e5", "must be 0 to 10000"),
+        ("anti-spin:sea_margin=1e300", "must be -1e+09 to 1e+09"),
+    ],
+)
+def test_an_absurd_option_is_refused_with_its_range(text: str, words: str) -> None:
+    with pytest.raises(ControllerError, match=re.escape(words)):
+        make_controller(text, load_ship("frigate"), 0.5)

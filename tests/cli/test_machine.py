@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import math
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from shaftline.cli import main
+from shaftline.cli import machine, main
 from shaftline.cli.console import print_table, say
 from shaftline.cli.machine import plain, with_json
 
@@ -79,3 +80,69 @@ def test_what_json_allows() -> None:
 def test_without_it_nothing_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
     print_table(pd.DataFrame({"x": [1.0]}), "one")
     assert "one" in capsys.readouterr().out
+
+
+LINES = [
+    ("simulate --case rack_step --out x.csv --json x.csv", "--out x.csv and --json x.csv are one"),
+    ("simulate --case rack_step --out x.csv --json ./sub/../x.csv", "--out x.csv and --json"),
+    ("simulate --case rack_step --out x.png --figure x.png", "--out x.png and --figure x.png"),
+    ("list --markdown x.md --json x.md", "--json x.md and --markdown x.md"),
+    ("check ok.csv --ship frigate --draft x.toml --json x.toml", "--json x.toml and --draft"),
+    ("simulate --case rack_step --out x.csv --json link.csv", "--out x.csv and --json link.csv"),
+]
+
+
+@pytest.mark.parametrize(("line", "words"), LINES, ids=[line for line, _ in LINES])
+def test_two_results_are_not_one_file(
+    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sub").mkdir()
+    Path("link.csv").symlink_to("x.csv")
+    result = shaftline(*line.split())
+    assert result.exit_code == 2, result.output
+    assert words in " ".join(result.output.split())
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["link.csv", "sub"]
+
+
+def test_every_option_of_a_file_to_be_written_is_known() -> None:
+    """An option that names a path is one that is read, or stands in RESULTS."""
+    read = {"inputs", "columns", "effects", "recipe", "space", "hold_out", "calibrate", "recording",
+            "recordings", "template"}  # fmt: skip
+    for command in main.COMMANDS:
+        module = import_module(f"shaftline.cli.{main._stem(command)}_command")
+        function = inspect.signature(getattr(module, main._function(command)), eval_str=True)
+        for name, option in function.parameters.items():
+            if "Path" in str(option.annotation):
+                assert name in {*read, *machine.RESULTS}, (command, name)
+
+
+def test_json_does_not_replace_what_the_command_wrote(
+    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = "linearise --speed 7 --out li --json li/frigate.json"
+    plain = shaftline("linearise", "--speed", "7", "--out", "li")
+    assert plain.exit_code == 0, plain.output
+    name = next(p.name for p in Path("li").iterdir() if p.suffix == ".mat")
+    result = shaftline(*line.replace("frigate.json", name).split())
+    assert result.exit_code == 2, result.output
+    assert "a result of its own there" in " ".join(result.output.split())
+    assert Path("li", name).read_bytes()[:1] != b"{"
+
+
+def test_a_symbolic_link_is_written_through(
+    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("there").mkdir()
+    for out, real in (("a.csv", "there/a.csv"), ("b.csv", "there/b.csv")):
+        Path(out).symlink_to(real)
+    Path("there/a.csv").write_text("old")  # b.csv leads to nothing yet
+    for option, name in (("--out", "a.csv"), ("--out", "b.csv"), ("--json", "b.csv")):
+        line = ["simulate", "--case", "rack_step", "--out", "c.csv"]
+        line = [*line[:3], option, name, *([] if option == "--out" else line[3:])]
+        result = shaftline(*line)
+        assert result.exit_code == 0, result.output
+        assert Path(name).is_symlink()
+        assert Path("there", name).read_text()[:6] not in ("old", "")

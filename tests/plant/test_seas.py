@@ -142,7 +142,8 @@ def test_unknown_sea_names_the_known_ones() -> None:
 )
 def test_impossible_sea_is_rejected(key: str, inside: Any, outside: Any) -> None:
     for value in inside:
-        assert getattr(Sea(**{"hs_m": 2.0, "tp_s": 9.0, key: value}), key) == value
+        flat = {"tp_s": {"hs_m": 0.1}, "hs_m": {"tp_s": 15.0}}.get(key, {})
+        assert getattr(Sea(**{"hs_m": 2.0, "tp_s": 9.0, **flat, key: value}), key) == value
     for value in outside:
         with pytest.raises(ValidationError, match=key):
             Sea(**{"hs_m": 2.0, "tp_s": 9.0, key: value})
@@ -176,3 +177,14 @@ def test_a_sea_by_its_numbers() -> None:
 def test_impossible_numbers_of_a_sea_are_named(text: str, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         get_sea(text)
+
+
+@pytest.mark.parametrize(
+    ("hs", "tp", "highest"), [(25.0, 1.5, "0.49"), (5.0, 4.0, "3.54"), (3.6, 4.0, "3.54")]
+)
+def test_waves_that_would_break_are_refused_with_the_highest(
+    hs: float, tp: float, highest: str
+) -> None:
+    with pytest.raises(ValueError, match=f"such waves break.* at most {highest} m"):
+        get_sea(f"hs={hs},tp={tp}")
+    assert get_sea(f"hs={highest},tp={tp}") is not None
