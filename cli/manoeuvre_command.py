@@ -57,7 +57,8 @@ def manoeuvre(
 
     Written: a CSV of each track (`turning-circle-port.csv`, `zig-zag-10-10-starboard.csv`, ...),
     `spiral.csv`, `criteria.csv`, `turning-circles.png`, `zig-zags.png`, `spiral.png`, and
-    `manoeuvres.json` (for programs).
+    `manoeuvres.json` (for programs). A track is also a recording: `shaftline identify` and `diagnose`
+    read it.
 
     Examples:
         shaftline manoeuvre --ship kvlcc2 --speed 1.18 --scale 45.7 --out out/kvlcc2
@@ -84,7 +85,7 @@ def manoeuvre(
         for sentence in _sentences(sailed):
             say(sentence)
         for name, track in sailed.tracks().items():
-            write_csv(out, name, track)
+            write_csv(out, name, track, digits=10)
         write_csv(out, "criteria", table)
         for name, figure in display.manoeuvres.pictures(sailed).items():
             display.figures.save(figure, out / f"{name}.png")

@@ -26,10 +26,11 @@ def markdown(frame: pd.DataFrame, digits: int = 2) -> str:
     return "\n".join(lines)
 
 
-def write_csv(folder: Path, name: str, frame: pd.DataFrame) -> None:
-    """Write ``name.csv`` into a folder, to six digits."""
+def write_csv(folder: Path, name: str, frame: pd.DataFrame, digits: int = 6) -> None:
+    """Write ``name.csv`` into a folder, to six digits, or to as many as a recording needs."""
     write_atomically(
-        folder / f"{name}.csv", lambda file: frame.to_csv(file, index=False, float_format="%.6g")
+        folder / f"{name}.csv",
+        lambda file: frame.to_csv(file, index=False, float_format=f"%.{digits}g"),
     )
 
 

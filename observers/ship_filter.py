@@ -43,6 +43,10 @@ DISTURBANCE_TIME_S = 3.0
 _INSIDE = 1e-6
 """Share of the way to a bound, from the file's number, at which an estimate is held."""
 
+_FACTOR = 50.0
+"""Most by which an estimate may be larger or smaller than the file's number, where that has one sign: an
+inertia near 0 has time constants that no time step resolves."""
+
 
 @dataclass(frozen=True)
 class Followed:
@@ -69,7 +73,8 @@ class ShipFilter:
         ship: as its file has it.
         free: dotted keys of the numbers that are estimated.
         number_spread: standard deviation of each number at the start, by key, in its unit.
-        noise: standard deviation of each measured column that it goes by, in its unit.
+        noise: standard deviation of each measured column that it goes by, in its unit; without any the
+            ship is simulated.
         state_spread: of each state at the start of a recording, by name; those of
             :func:`shaftline.plant.state.active_states`.
         state_walk: square root of the density of each state's process noise [unit/s^0.5], by name, the
@@ -145,6 +150,12 @@ class ShipFilter:
         """Of the numbers, shape (numbers, numbers)."""
         return self.p[self._before :, self._before :].copy()
 
+    @property
+    def at_bounds(self) -> list[str]:
+        """Keys of the parameters whose estimate is held at the end of its range."""
+        held = (self.numbers <= self._model.low) | (self.numbers >= self._model.high)
+        return [key for key, own in zip(self.keys, held, strict=True) if own]
+
     def restart(self, values: Sequence[float] | Floats) -> None:
         """Begin anew, as unsure as at first, with these values of the numbers."""
         self.z[self._before :] = values
@@ -188,8 +199,9 @@ class ShipFilter:
         self.p[:count, :] = 0.0
         self.p[:, :count] = 0.0
         self.p[range(count), range(count)] = self._state_variances
-        readings = np.column_stack([table[c].to_numpy(dtype=np.float64) for c in self.columns])
-        readings = np.ascontiguousarray(readings[:rows])
+        columns = [table[c].to_numpy(dtype=np.float64)[:rows] for c in self.columns]
+        count_rows = replay.rows if rows is None else min(rows, replay.rows)
+        readings = np.ascontiguousarray(np.array(columns).reshape(-1, count_rows).T)
         course = Course(
             replay.drive, replay.pitch, replay.rudder, inflow, replay.elevation, replay.signals,
             replay.per_row, replay.dt,
@@ -224,6 +236,9 @@ def _model(
         low, high = (
             np.where(np.isfinite(end), end + _INSIDE * (start - end), end) for end in (low, high)
         )
+    one_sign = (low >= 0.0) & (start > 0.0)
+    low = np.where(one_sign, np.maximum(low, start / _FACTOR), low)
+    high = np.where(one_sign, np.minimum(high, start * _FACTOR), high)
     word = np.concatenate([number.words for number in numbers])
     return Model(
         plant, words(plant), twin, words(twin), state, words(state), rate, words(rate),

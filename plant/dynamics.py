@@ -261,7 +261,7 @@ def evaluate(
             advance_velocity=acting.advance_velocity,
             thrust=acting.thrust,
             propeller_torque=acting.propeller_torque,
-            shaft_torque=gauge_torque(plant, acting.drive_torque, acceleration),
+            shaft_torque=gauge_torque(plant, acting.drive_torque, acting.load_torque, acceleration),
             brake_torque=acting.brake_torque,
             shaft_acceleration=acceleration,
             resistance=acting.resistance,

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
+from .columns import COLUMNS, HEADING, TIME, signal_columns
 from .ship import Ship
 from .ship_errors import ShipError
 from .steady_state import Equilibrium
@@ -139,8 +140,9 @@ class Helm:
 
         Returns:
             Columns time_s, position_m and cross_track_m (through the water, along and to starboard of
-            the first course), heading_rad, rudder_rad, speed_m_s (through the water), drift_rad
-            (-atan(v / u)), yaw_rate_rad_s, shaft_speed_rad_s.
+            the first course), heading_rad (from that course), speed_m_s (through the water), drift_rad
+            (-atan(v / u)), and every other canonical column that a recording of the ship has
+            (:func:`.columns.signal_columns`), so that the track is a recording.
         """
         s = self._voyage.samples
         along, across = self._current
@@ -148,16 +150,14 @@ class Helm:
         ahead = s["ship_speed"] - along * cosine - across * sine
         aside = s["sway_speed"] - across * cosine + along * sine
         start = self.point.state
-        return pd.DataFrame(
-            {
-                "time_s": s["time"],
-                "position_m": s["position"] - start.position - along * s["time"],
-                "cross_track_m": s["cross_track"] - start.cross_track - across * s["time"],
-                "heading_rad": s["heading"] - start.heading,
-                "rudder_rad": s["rudder_angle"],
-                "speed_m_s": np.hypot(ahead, aside),
-                "drift_rad": -np.arctan2(aside, ahead),
-                "yaw_rate_rad_s": s["yaw_rate"],
-                "shaft_speed_rad_s": s["shaft_speed"],
-            }
-        )
+        own = {
+            TIME: s["time"],
+            "position_m": s["position"] - start.position - along * s["time"],
+            "cross_track_m": s["cross_track"] - start.cross_track - across * s["time"],
+            HEADING: s["heading"] - start.heading,
+            "speed_m_s": np.hypot(ahead, aside),
+            "drift_rad": -np.arctan2(aside, ahead),
+        }
+        names = signal_columns(self.ship)
+        recorded = {c: s[names[c]] for c in COLUMNS if c in names and c not in own}
+        return pd.DataFrame(own | recorded)

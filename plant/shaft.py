@@ -160,6 +160,14 @@ def shaft_inertia(plant: Record) -> Real:
 
 
 @compiled
-def gauge_torque(plant: Record, drive_torque: Real, shaft_acceleration: Real) -> Real:
-    """Torque M_m [N m] at the gauge between I_L and I_R (thesis eq. 2-17)."""
+def gauge_torque(
+    plant: Record, drive_torque: Real, load_torque: Real, shaft_acceleration: Real
+) -> Real:
+    """Return the torque M_m [N m] at the gauge between I_L and I_R (thesis eq. 2-17).
+
+    Where nothing turns behind the gauge it is exactly 0, and no rounding of the torque before it.
+    """
+    behind = inertia_behind_gauge(plant)
+    if behind.real == 0.0 and load_torque.real == 0.0:
+        return load_torque + behind * shaft_acceleration
     return drive_torque - plant.inertia_engine_side * shaft_acceleration

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...observers.ship_filter import Followed
 from ...plant.derivatives import acting, words
 from ...plant.ship import Ship
 from ..progress import Tick, silent
@@ -79,11 +80,35 @@ def ekf(
         if moved.max() < SETTLED:
             break
     covariance = own.covariance + _unsure(runs, values, tolerance, tick)
+    _refuse_diverged(runs, first, covariance)
+    held = [
+        f"{key} ended at the end of the range that the filter allows, and is not identified"
+        for key in own.at_bounds
+    ]
     return Found(
         tuple(free), tuple(map(float, values)), covariance,
         {"estimates": estimates_over_time(runs, first), "innovations": innovations(runs, last)},
-        (*unsettled(runs, last), *untold(runs, own), *unwhite(runs, last)),
+        (*held, *unsettled(runs, last), *untold(runs, own), *unwhite(runs, last)),
     )  # fmt: skip
+
+
+def _refuse_diverged(
+    runs: FilterRuns, followed: list[Followed], covariance: NDArray[np.float64]
+) -> None:
+    """Refuse estimates that are not finite numbers.
+
+    Raises:
+        ValueError: says from which time on.
+    """
+    estimates = np.concatenate([one.estimates for one in followed])
+    lost = ~np.isfinite(estimates).all(axis=1)
+    if lost.any() or not np.isfinite(covariance).all():
+        when = f"from {runs.replay.time_s[int(np.argmax(lost))]:.4g} s on " if lost.any() else ""
+        raise ValueError(
+            f"ekf: {when}the filter's estimates of {', '.join(runs.keys)} are not finite numbers; a "
+            "recording almost without noise, or numbers far from the file's, do this. Free fewer of "
+            "them, or use --method output-error"
+        )
 
 
 def _information(runs: FilterRuns) -> NDArray[np.float64]:

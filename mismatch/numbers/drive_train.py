@@ -14,19 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...plant.drives import DcMotor
 from ...plant.propeller import propeller_load
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 
-INDUCTANCE = "prime_mover.armature_inductance_H"
-CONSTANT = "prime_mover.motor_constant_V_s_rad"
-RESISTANCE = "prime_mover.armature_resistance_ohm"
-INERTIA = "transmission.inertia_engine_side_kg_m2"
-FRICTION = "transmission.coulomb_friction_engine_side_N_m"
-LOAD = "propeller.torque_coefficient"
-
-SIX = (INDUCTANCE, CONSTANT, RESISTANCE, INERTIA, FRICTION, LOAD)
+SIX = DcMotor.response_keys
 """Keys of the paper's six numbers, in the order of its Table 5."""
+
+INDUCTANCE, CONSTANT, RESISTANCE, INERTIA, FRICTION, LOAD = SIX
 
 
 @dataclass(frozen=True)
@@ -139,7 +135,9 @@ class LinearDrive:
 
     @property
     def poles(self) -> tuple[complex, complex]:
-        """Exact poles s_1 (fast) and s_2 [rad/s] (eq. A31)."""
+        """Exact poles s_1 (fast) and s_2 [rad/s] (eq. A31); s_1 is at infinity without inductance."""
+        if self.electric_s == 0.0:
+            return complex(-math.inf), complex(-self.c / self.effective_s)
         product, total = self.electric_s * self.effective_s, self.electric_s + self.effective_s
         root = np.sqrt(complex(total**2 - 4.0 * product * self.c))
         fast = -(total + root) / (2.0 * product)

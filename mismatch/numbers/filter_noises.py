@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...observers.augmented_plant import CHANNELS
-from ...observers.ship_filter import DISTURBANCE
+from ...observers.ship_filter import DISTURBANCE, ShipFilter
+from ...plant.columns import MEASURED
 from ...plant.derivatives import acting, words
 from ...plant.state import active_states
 from ..progress import Tick
@@ -25,6 +26,11 @@ from .filter_runs import FilterRuns, Noises
 
 DOUBT = 0.5
 """Standard deviation at the start of a number that is not 0, as a share of it."""
+
+LEAST_NOISE = 3e-4
+"""Smallest standard deviation of an instrument's noise, as a share of the channel's size. A filter that
+is linear about its estimate cannot go by a recording without noise: it takes what the linear model
+lacks for information, and drives the parameters away."""
 
 FELT = 0.1
 """Share of its size by which some channel moves where a number that is 0 is off by its spread."""
@@ -58,20 +64,35 @@ def noises_told(
     nominal = replay.simulate(ship.record())
     fixed = () if ship.has_variable_pitch else ("pitch_ratio",)
     readings = {
-        c: rms
+        c: max(rms, LEAST_NOISE * size(nominal[MEASURED[c]]))
         for c, rms in replay.noise_rms.items()
         if c in CHANNELS and c not in fixed and rms > 0.0
     }
-    signals = {"inflow": "advance_velocity"}
-    states = {
-        name: STATE_SPREAD * size(nominal[signals.get(name, name)])
-        for name in active_states(ship.record())
-    }
+    if not readings:
+        raise ValueError(f"ekf: {ship.name}: no measured channel of the recordings moves")
+    states = {name: STATE_SPREAD * own for name, own in state_sizes(replay, free).items()}
     for key in free:
         if key not in spread:
             value = acting(ship, key).value
             spread[key] = DOUBT * abs(value) if value != 0.0 else felt_at(replay, key, nominal)
     return Noises(readings, states, spread, dict.fromkeys(states, 0.0), number_walk)
+
+
+def state_sizes(replay: JointReplay, free: Sequence[str]) -> dict[str, float]:
+    """Return the rms of each state that the ship has along the recordings, by name.
+
+    They are simulated by the filter itself without measurements, so that a state counts whether or not
+    it is among the signals of a simulation.
+    """
+    ship = replay.ship
+    states = active_states(ship.record())
+    doubts = dict.fromkeys(free, 1.0)
+    alone = ShipFilter(
+        ship, free, number_spread=doubts, noise={}, state_spread=dict.fromkeys(states, 0.0)
+    )
+    followed = [alone.follow(run).estimates for run in replay.runs]
+    simulated = np.concatenate(followed)
+    return {name: size(simulated[:, i]) for i, name in enumerate(states)}
 
 
 def size(values: NDArray[np.float64]) -> float:

@@ -21,6 +21,8 @@ RATIO = ("propeller.torque_coefficient", "propeller.relative_rotative_efficiency
 """KQ and eta_R: torque on the shaft tells their ratio and nothing else."""
 
 
+RESISTANCE = "hull.resistance_coefficient_N_s2_m2"
+
 DOUBTED = {*TOLERATED, "hull.thrust_deduction"}
 """Keys of numbers that a file may be wrong about. A tolerance speaks of each but the thrust deduction:
 of mass, resistance and 1 - t the hull's balance tells but ratios."""
@@ -126,6 +128,35 @@ class Free:
                 there = high - 0.1 * (high - here)
             found.append(float(there))
         return found
+
+
+def usual_keys(ship: Ship, *, response: bool = False) -> tuple[str, ...]:
+    """Return the keys of the parameters that a method frees where the user names none.
+
+    The ship's drive lists them. A hull that moves adds its resistance, and to a frequency response its
+    mass. An optional number that the file leaves at 0 is left out. The torque of a propeller that has
+    no constant KQ is scaled by eta_R.
+
+    Args:
+        ship: nominal ship.
+        response: whether a frequency response is to identify them, instead of steady states.
+    """
+    drive = ship.prime_mover
+    keys = [*(drive.response_keys if response else drive.steady_keys)]
+    if not ship.has_constant_coefficients:
+        kept = [RATIO[1]] if ship.has_propeller else []
+        keys = [own for key in keys for own in (kept if key == RATIO[0] else [key])]
+    if ship.moves:
+        keys += ["hull.mass_kg", RESISTANCE] if response else [RESISTANCE]
+    return tuple(key for key in keys if not _is_absent(ship, key))
+
+
+def _is_absent(ship: Ship, key: str) -> bool:
+    """Whether a key is optional and the file leaves it at 0."""
+    section, _, name = key.partition(".")
+    table = getattr(ship, section)
+    default: object = type(table).model_fields[name].default
+    return bool(getattr(table, name) == 0.0 == default)
 
 
 def freed(ship: Ship, free: Sequence[str] | None, default: Sequence[str]) -> Free:

@@ -16,14 +16,15 @@ import scipy
 from numpy.typing import NDArray
 
 from ...plant.columns import TIME, drive_column
-from ...plant.dynamics import evaluate, settled
 from ...plant.linear import linearise
 from ...plant.ship import Ship
-from ...plant.state import Inputs, State
 from ...plant.steady_state import Equilibrium
-from .steady import CURRENT
+from .steady import CURRENT, blade_column, point_at
 
 Complex = NDArray[np.complex128]
+
+STILL = 1e-9
+"""Standard deviation, as a share of the mean, below which only last digits of a channel move."""
 
 SPEED = "shaft_speed_rad_s"
 
@@ -42,7 +43,7 @@ class FrequencyResponse:
 
     Args:
         demand: its mean, in the unit of the drive's column.
-        means: of the channels, by column.
+        means: of the channels, by column; the pitch ratio among them where the blades turn.
         frequency: [rad/s], shape (n,), rising.
         response: relative response [-] of each channel, by column, each of shape (n,).
         error: standard error [-] of real and imaginary part, likewise; NaN where it is not known.
@@ -72,13 +73,21 @@ class FrequencyResponse:
 
 
 def channels_of(ship: Ship, table: pd.DataFrame, method: str) -> dict[str, NDArray[np.float64]]:
-    """Demand and channels of a recording by column, the demand first.
+    """Return the demand and the channels of a recording by column, the demand first.
+
+    A channel other than the shaft speed is left out where it has no relative response: it is constant,
+    as the speed of a hull that is fixed, or its mean is smaller than its standard deviation.
 
     Raises:
-        ValueError: a column that is missing, a shaft that rests or reverses, or a demand without a
-        mean.
+        ValueError: a drive that holds the shaft's speed, a column that is missing, a shaft that rests or
+            reverses, or a demand without a mean.
     """
     demand = drive_column(ship)
+    if not ship.turns_freely:
+        raise ValueError(
+            f"{method}: the drive of {ship.name} holds the shaft's speed, which then answers no demand; "
+            "use --method output-error"
+        )
     needed = [TIME, demand, SPEED, *(["ship_speed_m_s"] if ship.moves else [])]
     if lacking := [column for column in needed if column not in table]:
         raise ValueError(f"{method}: {ship.name} needs {lacking[0]}, which a recording lacks")
@@ -90,7 +99,22 @@ def channels_of(ship: Ship, table: pd.DataFrame, method: str) -> dict[str, NDArr
         )
     if found[demand].mean() == 0.0:
         raise ValueError(f"{method}: {demand} has no mean, so the response has no working point")
-    return found
+    return {c: v for c, v in found.items() if c in (demand, SPEED) or _responds(v)}
+
+
+def _responds(values: NDArray[np.float64]) -> bool:
+    """Whether a channel has a relative response: it moves, about a mean that is larger than that."""
+    mean, deviation = abs(float(values.mean())), float(values.std())
+    return STILL * mean < deviation < mean
+
+
+def means_of(
+    ship: Ship, table: pd.DataFrame, channels: dict[str, NDArray[np.float64]], rows: slice
+) -> dict[str, float]:
+    """Return the means over some rows of the channels, and of the pitch ratio where the blades turn."""
+    means = {c: float(channels[c][rows].mean()) for c in OUTPUTS if c in channels}
+    blade = blade_column(ship, table)
+    return means | ({} if blade is None else {"pitch_ratio": float(table[blade].iloc[rows].mean())})
 
 
 def interval_of(table: pd.DataFrame) -> float:
@@ -127,15 +151,10 @@ def blurred(values: NDArray[np.float64], interval_s: float, frequency: Any) -> N
 
 def point_of(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
     """The measured working point as one of the plant, whether its balances close there or not."""
-    plant, means = ship.record(), measured.means
-    blade = ship.propeller.pitch_ratio_max
-    inputs = Inputs(measured.demand, blade)
-    bare = State(blade, means[SPEED], means.get("ship_speed_m_s", 0.0))
-    state = settled(plant, bare, inputs)
-    if ship.has_voltage and CURRENT in means:
-        state = state._replace(motor_current=means[CURRENT])
-    _, outputs = evaluate(plant, state, inputs, blade)
-    return Equilibrium(state, outputs, inputs)
+    point, _ = point_at(
+        ship, ship.record(), {drive_column(ship): measured.demand, **measured.means}
+    )
+    return point
 
 
 def slowest_s(ship: Ship, measured: FrequencyResponse) -> float:

@@ -77,7 +77,13 @@ def fit(chosen: Free, measured: FrequencyResponse, method: str) -> Fitted:
 
     low, high = (bound / chosen.scale for bound in chosen.bounds)
     best: Any = None
-    for start in _starts(chosen, measured):
+    starts = [s for s in _starts(chosen, measured) if np.isfinite(residual(s / chosen.scale)).all()]
+    if not starts:
+        raise ValueError(
+            f"{method}: the linear model of {chosen.ship.name} has no finite response with its file's "
+            "parameters; check the ship file against the recording"
+        )
+    for start in starts:
         tried = scipy.optimize.least_squares(
             residual, np.clip(start / chosen.scale, low, high), bounds=(low, high), x_scale="jac",
             xtol=1e-12, ftol=1e-12, gtol=1e-12,

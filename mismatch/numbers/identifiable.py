@@ -102,20 +102,50 @@ def refuse_indistinct(keys: Sequence[str], jacobian: NDArray[np.float64], method
         method: named in the error.
 
     Raises:
-        ValueError: names the numbers that can change together without any change of what is compared.
+        UntoldError: names the numbers that can change together without any change of what is compared.
     """
     norms = np.linalg.norm(jacobian, axis=0)
     silent = [key for key, norm in zip(keys, norms, strict=True) if norm <= 1e-12 * norms.max()]
     if silent:
-        raise ValueError(f"{method}: nothing that it compares depends on {', '.join(silent)}")
+        raise UntoldError(
+            f"{method}: nothing that it compares depends on {', '.join(silent)}", silent[:1], keys
+        )
     _, sizes, directions = np.linalg.svd(jacobian / norms, full_matrices=True)
     if len(sizes) == len(keys) and sizes[-1] > INDISTINCT * sizes[0]:
         return
     together = np.abs(directions[-1])
     named = [key for key, part in zip(keys, together, strict=True) if part > 0.05 * together.max()]
-    raise ValueError(
-        f"{method}: the recording does not tell {', '.join(named)} apart; leave out one of them"
-    )
+    raise UntoldError(
+        f"{method}: the recording does not tell {', '.join(named)} apart; leave out one of them",
+        named[::-1], keys,
+    )  # fmt: skip
+
+
+def refuse_guesses(
+    keys: Sequence[str], values: Sequence[float], errors: NDArray[np.float64]
+) -> None:
+    """Refuse the parameter whose standard error is the largest share of it, if above :data:`TELLING`.
+
+    Args:
+        keys: of the parameters.
+        values: as they were found.
+        errors: standard error of each, in its key's unit.
+
+    Raises:
+        UntoldError: names it.
+    """
+    shares = np.abs(errors / np.where(np.array(values) == 0.0, 1e-300, values))
+    worst = int(np.argmax(shares))
+    if not shares[worst] <= TELLING:
+        raise UntoldError(
+            f"{keys[worst]} cannot be found: its standard error would be {_percent(shares[worst])} "
+            "of it",
+            [keys[worst]], keys,
+        )  # fmt: skip
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 10.0 else "more than 1000 %"
 
 
 def told_apart(
@@ -152,6 +182,6 @@ def told_apart(
             worst = int(np.argmax(errors))
             if errors[worst] <= TELLING:
                 break
-            why = f"its standard error would be {100.0 * errors[worst]:.2g} % of it"
+            why = f"its standard error would be {_percent(errors[worst])} of it"
         left[keys[rest.pop(worst)]] = why
     return rest, left

@@ -111,10 +111,12 @@ def _correlation(identification: Identification) -> list[str]:
 
 
 def _search(identification: Identification) -> list[str]:
-    """How far each search's 2 log L was below its best, and the numbers from their last values."""
+    """Draw what each search had still to gain, and its parameters on the way where they are known."""
     table = identification.tables.get("search")
     if table is None or len(table) < 2:
         return []
+    if "cost" in table:  # of a method that has no likelihood
+        return [_cost(table)]
     bands = table.get("highest_Hz", pd.Series(0.0, table.index))
     searches = table["2logL"].groupby(bands, sort=False)
     left = (searches.transform("last") - table["2logL"]).to_numpy()
@@ -134,3 +136,11 @@ def _search(identification: Identification) -> list[str]:
     axes.legend(fontsize=6, frameon=False, loc="upper right", ncols=2)
     drawn.append(svg(figure, "the numbers over the steps of the search", "s1"))
     return drawn
+
+
+def _cost(table: pd.DataFrame) -> str:
+    """Draw the sum of squared errors by evaluation of the search."""
+    figure, axes = panel("Errors on the way", "evaluation", "weighted errors squared")
+    axes.semilogy(np.maximum(table["cost"], 1e-3), color=AFTER)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    return svg(figure, "weighted errors squared over the evaluations of the search", "s0")

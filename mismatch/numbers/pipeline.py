@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from ...plant.ship import Ship
-from ..estimate import Estimate
-from ..judge.fit import fits
 from ..judge.held_out import Segments, bands_of, set_aside
 from ..progress import Tick, silent
-from ..recordings.joint import JointRecordings, Recorded, load_jointly
+from ..recordings.joint import Recorded, load_jointly
 from ..search.fitting import Fitter
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
@@ -26,9 +23,10 @@ from .augmented import ekf
 from .automatic import told_by
 from .band import numbers_hertz
 from .found import Found
-from .free import AUTO, Free
-from .identifiable import UntoldError
+from .free import AUTO, Free, usual_keys
+from .identifiable import UntoldError, refuse_guesses
 from .identification import Identification
+from .identified import judged, unjudged
 from .output_error import output_error, refuse_untold
 from .points import points_of
 from .sine import sine
@@ -90,9 +88,11 @@ def identify(
             raise ValueError(
                 "steady states given as points are fitted whole; set no recording aside"
             )
-        found = steady(ship, points, keys, tick)
-        identified = _identified(ship, found)
-        return _identification(method, ship, identified, found, warnings=[*found.remarks])
+        by_points = partial(steady, ship, points, tick=tick)
+        found, left_out = _without_untold(
+            by_points, keys or METHODS[method].usual(ship), chosen=keys is None
+        )
+        return unjudged(method, ship, found, left_out)
     together = load_jointly(ship, recordings, hold_out, columns, tick)
     with threadpool_limits(1, "blas"):
         balances = Balances(JointReplay(ship, *together.tables))
@@ -102,28 +102,58 @@ def identify(
             if parts
             else (balances.replay.segments, [])
         )
-        left_out: dict[str, str] = {}
-        chosen = keys is None and METHODS[method].cut
-        if chosen:
+        untold: dict[str, str] = {}
+        chosen = keys is None
+        if keys is None:
             tick("which numbers are told", 0, 1)
-            keys, left_out = told_by(balances, train)
+            keys, untold = (
+                told_by(balances, train)
+                if METHODS[method].cut
+                else (METHODS[method].usual(ship), {})
+            )
         fitted = together.tables[: len(together.tables) - together.held_out]
         work = Work(balances, fitted, train, tolerance, tick)
-        while True:
-            try:
-                found = METHODS[method].find(work, keys)
-                break
-            except UntoldError as error:
-                if not (chosen and error.rest):
-                    raise
-                left_out |= error.worst
-                keys = tuple(error.rest)
+        find = partial(METHODS[method].find, work)
+        found, more = _without_untold(find, keys, chosen, chosen and not METHODS[method].cut)
+        left_out = untold | more
         if found.line:
             balances = Balances(JointReplay(ship, *together.tables, line=True))
         tick("judging", 0, 1)
-        identification = _judged(method, balances, found, held, together, left_out)
+        identification = judged(method, balances, found, held, together, left_out)
         tick("judging", 1, 1)
         return identification
+
+
+def _without_untold(
+    find: Callable[[tuple[str, ...]], Found],
+    keys: tuple[str, ...],
+    chosen: bool,
+    guessed: bool = False,
+) -> tuple[Found, dict[str, str]]:
+    """Return what a method finds, and why it leaves out some of the keys.
+
+    Args:
+        find: the method.
+        keys: of the parameters.
+        chosen: whether the tool chose the keys and may leave some out; a user's are all needed.
+        guessed: whether it chose them without a look at the recordings, so that one whose standard error
+            turns out too large is left out as well.
+
+    Raises:
+        UntoldError: parameters that cannot be identified; names them.
+    """
+    left_out: dict[str, str] = {}
+    while True:
+        try:
+            found = find(keys)
+            if guessed:
+                refuse_guesses(keys, found.values, found.standard_errors)
+            return found, left_out
+        except UntoldError as error:
+            if not (chosen and error.rest):
+                raise
+            left_out |= error.worst
+            keys = tuple(error.rest)
 
 
 class Work(NamedTuple):
@@ -139,13 +169,28 @@ class Work(NamedTuple):
 class Method(NamedTuple):
     """A method of identification."""
 
-    find: Callable[[Work, tuple[str, ...] | None], Found]  # by keys, or those that it usually finds
+    find: Callable[[Work, tuple[str, ...]], Found]  # by keys
     words: str  # what it needs and does, in a line
     cut: bool = False  # whether it can do with a part of a recording
+    response: bool = False  # whether it compares how the ship moves, besides where it rests
+
+    def usual(self, ship: Ship) -> tuple[str, ...]:
+        """Return the keys that it frees on a ship where the user names none.
+
+        Raises:
+            ValueError: none.
+        """
+        keys = usual_keys(ship, response=self.response)
+        if not keys:
+            raise ValueError(
+                f"{ship.name}: this method has no parameters that it usually identifies with a drive "
+                f"of type {ship.prime_mover.type}; name some with --free, or use --method {DEFAULT}"
+            )
+        return keys
 
 
 def _by_output_error(
-    work: Work, keys: tuple[str, ...] | None, replayed: type[JointReplay] = JointReplay
+    work: Work, keys: tuple[str, ...], replayed: type[JointReplay] = JointReplay
 ) -> Found:
     """Up to the frequency that tells of the numbers, with demands held between rows or as lines.
 
@@ -154,7 +199,7 @@ def _by_output_error(
     """
     ship = work.balances.replay.ship
     runs = [run.table for run in work.balances.replay.runs]
-    free = Free(ship, keys or ())
+    free = Free(ship, keys)
     ways = [Balances(replayed(ship, *runs, line=line)) for line in (False, True)]
     values: Sequence[float] = free.values
     highest, steps = 0.0, []
@@ -185,12 +230,12 @@ def _by_output_error(
     return replace(found, tables=tables, line=True, remarks=(*found.remarks, said))
 
 
-def _by_linear(work: Work, keys: tuple[str, ...] | None) -> Found:
+def _by_linear(work: Work, keys: tuple[str, ...]) -> Found:
     """The same with the ship's linear model about the recordings' mean."""
     return _by_output_error(work, keys, LinearReplay)
 
 
-def _by_filter(work: Work, keys: tuple[str, ...] | None) -> Found:
+def _by_filter(work: Work, keys: tuple[str, ...]) -> Found:
     """The rows that may be fitted, cut out as recordings of their own."""
     replay = work.balances.replay
     tables = [
@@ -199,13 +244,13 @@ def _by_filter(work: Work, keys: tuple[str, ...] | None) -> Found:
         for run, (first, last) in zip(replay.runs, replay.segments, strict=True)
         if max(a, first) < min(b, last)
     ]
-    return ekf(replay.ship, tables, keys or (), work.tick, tolerance=work.tolerance)
+    return ekf(replay.ship, tables, keys, work.tick, tolerance=work.tolerance)
 
 
-def _whole(method: Callable[..., Found]) -> Callable[[Work, tuple[str, ...] | None], Found]:
+def _whole(method: Callable[..., Found]) -> Callable[[Work, tuple[str, ...]], Found]:
     """A method that looks at whole recordings."""
 
-    def find(work: Work, keys: tuple[str, ...] | None) -> Found:
+    def find(work: Work, keys: tuple[str, ...]) -> Found:
         return method(work.balances.replay.ship, list(work.tables), keys, work.tick)
 
     return find
@@ -230,86 +275,18 @@ METHODS: dict[str, Method] = {
     "steady": Method(
         _whole(steady), "plateaus, or a table of points: least squares on steady states"
     ),
-    "step": Method(_whole(step), "one step of a motor's voltage: inertia and inductance"),
-    "sine": Method(_whole(sine), "sines of a motor's voltage: frequency response by correlation"),
-    "welch": Method(_whole(welch), "noise on a motor's voltage: frequency response and coherence"),
+    "step": Method(
+        _whole(step), "one step of a motor's voltage: inertia and inductance", response=True
+    ),
+    "sine": Method(
+        _whole(sine),
+        "sines of the drive's demand: frequency response by correlation",
+        response=True,
+    ),
+    "welch": Method(
+        _whole(welch),
+        "noise on the drive's demand: frequency response and coherence",
+        response=True,
+    ),
 }
 """By name, the default first."""
-
-
-def _judged(
-    method: str,
-    balances: Balances,
-    found: Found,
-    held: Segments,
-    together: JointRecordings,
-    left_out: dict[str, str],
-) -> Identification:
-    """What a method found, beside the nominal ship on what was set aside."""
-    replay = balances.replay
-    rows = np.concatenate([np.arange(a, b) for a, b in held or replay.segments])
-    interval = replay.interval_s
-    identified = _identified(replay.ship, found)
-    after = replay.simulated(replay.simulate(identified.record()))
-    return _identification(
-        method,
-        replay.ship,
-        identified,
-        found,
-        left_out=left_out,
-        time_s=replay.time_s,
-        held_out=[(a * interval, b * interval) for a, b in held],
-        measured=replay.recorded,
-        before=balances.nominal,
-        after=after,
-        fit_before=fits(replay.recorded, balances.nominal, rows),
-        fit_after=fits(replay.recorded, after, rows),
-        limits=list(together.limits),
-        warnings=[*together.warnings, *found.remarks],
-    )
-
-
-def _identification(
-    method: str, ship: Ship, identified: Ship, found: Found, **judged: Any
-) -> Identification:
-    """What a method found, with what it was judged by."""
-    free = Free(ship, found.keys)
-    return Identification(
-        method=method,
-        ship=ship,
-        identified=identified,
-        estimates=tuple(
-            Estimate(n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e))
-            for n, v, e in zip(free.numbers, found.values, found.standard_errors, strict=True)
-        ),
-        correlation=found.correlation,
-        tables=found.tables,
-        line=found.line,
-        **judged,
-    )
-
-
-def _identified(ship: Ship, found: Found) -> Ship:
-    """The ship with the numbers that were found, how well each is known, and how that goes together.
-
-    A number that the record holds in another form is left out of that: nothing can be moved by it.
-    """
-    told = [i for i, key in enumerate(found.keys) if ship.has_key(key)]
-    keys, errors = [found.keys[i] for i in told], found.standard_errors[told]
-    numbers = dict(ship.tolerances.numbers) | dict(zip(keys, map(float, errors), strict=True))
-    correlations = {
-        first: {k: v for k, v in others.items() if k not in keys}
-        for first, others in ship.tolerances.correlations.items()
-        if first not in keys
-    }
-    for i, j in itertools.combinations(range(len(told)), 2):
-        one = float(np.clip(round(found.correlation[told[i], told[j]], 6), -1.0, 1.0))
-        if one != 0.0:
-            correlations.setdefault(keys[i], {})[keys[j]] = one
-    known = Free(ship, found.keys).at(found.values)
-    return known.with_values(
-        {
-            "tolerances.numbers": numbers,
-            "tolerances.correlations": {k: v for k, v in correlations.items() if v},
-        }
-    )

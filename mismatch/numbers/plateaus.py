@@ -9,11 +9,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import drive_column
+from ...plant.columns import RUDDER, RUDDER_COMMAND, SWAY_SPEED, YAW_RATE, drive_column
+from ...plant.replay import WATER
 from ...plant.ship import Ship
+from ..judge.fit import ROUNDING
 from ..recordings.noise import white_rms
 
-CHANNELS = ("pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s", "motor_current_A")
+CHANNELS = (
+    "pitch_ratio", "shaft_speed_rad_s", "ship_speed_m_s", "motor_current_A", RUDDER, SWAY_SPEED,
+    YAW_RATE, *WATER,
+)  # fmt: skip
 """Measured columns that must be steady, where the recording has them."""
 
 HELD = 0.003
@@ -61,6 +66,8 @@ def plateaus(ship: Ship, table: pd.DataFrame) -> list[Plateau]:
         raise ValueError(f"{ship.name}: the recording has no {column}")
     channels = {c: table[c].to_numpy(dtype=np.float64) for c in CHANNELS if c in table}
     demands = [column, "pitch_ratio_command"] if ship.has_variable_pitch else [column]
+    if ship.turns:
+        demands.append(RUDDER_COMMAND)
     held = {c: table[c].to_numpy(dtype=np.float64) for c in demands if c in table}
     edges = [0, *_moves(held), len(table)]
     spread = {c: float(np.ptp(values)) for c, values in channels.items()}
@@ -109,6 +116,8 @@ def _settled(
     rows = np.array_split(np.arange(begin, end), BLOCKS)
     first = 0
     for column, values in channels.items():
+        if spread[column] <= ROUNDING * np.abs(values).max():
+            continue  # constant: means of equal numbers differ by their rounding
         means = np.array([values[part].mean() for part in rows])
         last = means[-BLOCKS // 3 :]
         white = white_rms(values[begin:end]) / np.sqrt(len(rows[0]))

@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
 from ..progress import Tick, silent
-from .drive_train import SIX
 from .found import Found
-from .free import freed
+from .free import freed, usual_keys
 from .frequency import (
     OUTPUTS,
     FrequencyResponse,
@@ -31,6 +30,7 @@ from .frequency import (
     channels_of,
     held,
     interval_of,
+    means_of,
     slowest_s,
 )
 from .frequency_fit import found_by
@@ -69,7 +69,8 @@ def sine(
         tables: recordings in canonical columns at an even interval, with one or more sines of the
             demand about one working point. Looked at: ``shaft_speed_rad_s`` (needed),
             ``motor_current_A``, ``shaft_torque_N_m``, ``ship_speed_m_s``.
-        free: dotted keys; the paper's six by default. ``sensors.speed_delay_s`` may be among them.
+        free: dotted keys; those of :func:`.free.usual_keys` by default, which are the paper's six on a
+            direct-current motor at bollard pull. ``sensors.speed_delay_s`` may be among them.
         tick: told how far it is.
 
     Returns:
@@ -82,7 +83,7 @@ def sine(
         ValueError: a column is missing, no sine, too few periods of it, several working points, a shaft
             that rests or reverses, or numbers that the response does not tell apart.
     """
-    chosen = freed(ship, free, SIX)
+    chosen = freed(ship, free, usual_keys(ship, response=True))
     measured = sine_response(ship, tables, tick)
     return found_by(METHOD, chosen, measured)
 
@@ -100,7 +101,7 @@ def sine_response(
     for number, table in enumerate(tables, 1):
         channels = channels_of(ship, table, METHOD)
         excitations = sines(channels[drive_column(ship)], interval_of(table))
-        parts += [_correlated(ship, channels, one, interval_of(table)) for one in excitations]
+        parts += [_correlated(ship, table, channels, one) for one in excitations]
         tick(METHOD, number, len(tables))
     if not parts:
         raise ValueError(
@@ -216,13 +217,13 @@ def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
 
 
 def _correlated(
-    ship: Ship, channels: dict[str, NDArray[np.float64]], one: Excitation, interval_s: float
+    ship: Ship, table: pd.DataFrame, channels: dict[str, NDArray[np.float64]], one: Excitation
 ) -> FrequencyResponse:
     """Response at one frequency from the whole periods behind the start."""
-    demand = drive_column(ship)
+    demand, interval_s = drive_column(ship), interval_of(table)
     period = 2.0 * math.pi / one.frequency / interval_s  # rows
     outputs = [column for column in OUTPUTS if column in channels]
-    means = {c: float(channels[c][one.begin : one.end].mean()) for c in outputs}
+    means = means_of(ship, table, channels, slice(one.begin, one.end))
     mean = float(channels[demand][one.begin : one.end].mean())
     empty = np.empty(0)
     about = FrequencyResponse(mean, means, empty, {}, {}, interval_s, {})

@@ -5,7 +5,7 @@ speeds and currents is linear in frictions, constants and coefficients, and leas
 states finds those. The equations are the plant's own, so the method serves every rig whose states are
 measured:
 
-    shaft    torque of the drive less that of the load       [N m], at the prime mover
+    shaft    torque of the drive less that of the load       [N m], where no speed is held
     motor    U - K_e omega - R_a i, where i is measured      [V]
     hull     thrust less resistance, where the hull moves    [N]
 
@@ -14,30 +14,42 @@ Without the motor's current its voltage tells torque in units of K_e / R_a only.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import TIME, drive_column
+from ...plant.columns import (
+    RUDDER,
+    RUDDER_COMMAND,
+    SHAFT_SPEED,
+    SWAY_SPEED,
+    TIME,
+    YAW_RATE,
+    drive_column,
+)
 from ...plant.dynamics import evaluate, settled
+from ...plant.hull import wake_inflow, water_speed
+from ...plant.replay import WATER
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 from ...plant.state import Inputs, State
+from ...plant.steady_state import Equilibrium
 from ..progress import Tick, silent
-from .drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, torque_factor
+from .drive_train import CONSTANT, RESISTANCE, torque_factor
 from .found import Found
-from .free import Free, freed
-from .identifiable import refuse_indistinct
+from .free import Free, freed, usual_keys
+from .identifiable import UntoldError, refuse_indistinct
 from .plateaus import plateaus
 
 METHOD = "steady"
-DEFAULT = (FRICTION, CONSTANT, RESISTANCE, LOAD)
-"""The paper's four, in the order of eq. 23."""
-
 CURRENT = "motor_current_A"
+_BESIDE = (
+    CURRENT, "pitch_ratio", "pitch_ratio_command", RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, *WATER,
+)  # fmt: skip
+"""Columns of a table of points that act where the table has them."""
 ROUNDS = 20
 
 
@@ -53,7 +65,8 @@ def steady(
             of points, a row each, without ``time_s``. Needed: the demand on the drive,
             ``shaft_speed_rad_s``, and ``ship_speed_m_s`` where the hull moves; a motor's
             ``motor_current_A`` gives the second balance.
-        free: dotted keys; the paper's M_f, K_e, R_a and KQ by default.
+        free: dotted keys; those of :func:`.free.usual_keys` by default, which are the paper's M_f, K_e,
+            R_a and KQ on a direct-current motor at bollard pull.
         tick: told how far it is.
 
     Returns:
@@ -65,7 +78,7 @@ def steady(
         ValueError: a column is missing, no steady states or too few, or numbers that they do not tell
             apart.
     """
-    chosen = freed(ship, free, DEFAULT)
+    chosen = freed(ship, free, usual_keys(ship))
     points = steady_states(ship, tables)
     tick(METHOD, 1, 2)
     _refuse_currentless(chosen, points)
@@ -89,16 +102,24 @@ def steady_states(ship: Ship, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
     """Steady states as a table of points: the plateaus of recordings, the rows of tables of points.
 
     Raises:
-        ValueError: a column that is missing, or no steady state.
+        ValueError: no balance to compare, a column that is missing, or no steady state.
     """
-    needed = [drive_column(ship), "shaft_speed_rad_s"]
+    if not (ship.turns_freely or ship.moves):
+        raise ValueError(
+            f"{METHOD}: {ship.name} has no balance to compare: its drive holds the shaft's speed and "
+            "its hull is fixed"
+        )
+    needed = list(dict.fromkeys([drive_column(ship), SHAFT_SPEED]))
     if ship.moves:
         needed.append("ship_speed_m_s")
     rows: list[dict[str, Any]] = []
     for table in tables:
-        if lacking := [column for column in needed if column not in table]:
+        lacking = [column for column in needed if column not in table]
+        if ship.has_variable_pitch and blade_column(ship, table) is None:
+            lacking.append("pitch_ratio")
+        if lacking:
             raise ValueError(f"{METHOD}: {ship.name} needs {lacking[0]}, which a recording lacks")
-        known = [c for c in (*needed, CURRENT, "pitch_ratio") if c in table]
+        known = [c for c in (*needed, *_BESIDE) if c in table]
         if TIME in table:
             rows += [plateau.means for plateau in plateaus(ship, table)]
         else:
@@ -115,6 +136,46 @@ def steady_states(ship: Ship, tables: Iterable[pd.DataFrame]) -> pd.DataFrame:
     return points
 
 
+def blade_column(ship: Ship, table: pd.DataFrame) -> str | None:
+    """Return the column that tells where the blades stand; None of a fixed pitch, or without any."""
+    columns = ("pitch_ratio", "pitch_ratio_command") if ship.has_variable_pitch else ()
+    return next((column for column in columns if column in table), None)
+
+
+def point_at(
+    ship: Ship, plant: Any, values: Mapping[Any, float]
+) -> tuple[Equilibrium, State]:  # fmt: skip
+    """Return the plant at a measured point, and the rates of its states there.
+
+    Args:
+        ship: the ship.
+        plant: its record.
+        values: demand and measured states, by column; states that were not measured are those to which
+            the plant settles, or 0.
+    """
+    speed = float(values.get("ship_speed_m_s", 0.0))
+    commanded = values.get("pitch_ratio_command", ship.propeller.pitch_ratio_max)
+    blade = ship.propeller.pitch_ratio_max
+    if ship.has_variable_pitch:
+        blade = float(values.get("pitch_ratio", commanded))
+    inflow, depth = (values.get(column) for column in WATER[::-1])
+    inputs = Inputs(
+        float(values[drive_column(ship)]), blade,
+        inflow=0.0 if inflow is None else inflow - wake_inflow(plant, water_speed(plant, speed)),
+        elevation=0.0 if depth is None else depth - ship.propeller.depth_m,
+        rudder_command=float(values.get(RUDDER_COMMAND, values.get(RUDDER, 0.0))),
+    )  # fmt: skip
+    bare = State(
+        blade, float(values[SHAFT_SPEED]), speed, sway_speed=float(values.get(SWAY_SPEED, 0.0)),
+        yaw_rate=float(values.get(YAW_RATE, 0.0)),
+    )  # fmt: skip
+    state = settled(plant, bare, inputs)
+    if ship.has_voltage and CURRENT in values:
+        state = state._replace(motor_current=float(values[CURRENT]))
+    rate, outputs = evaluate(plant, state, inputs, blade)
+    return Equilibrium(state, outputs, inputs), rate
+
+
 def balances(ship: Ship, points: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
     """What each balance lacks at measured points, by the plant's equations; each of shape (points,).
 
@@ -123,32 +184,23 @@ def balances(ship: Ship, points: pd.DataFrame) -> dict[str, NDArray[np.float64]]
         points: demand and states, of :func:`steady_states`.
 
     Returns:
-        ``shaft`` [N m] at the prime mover, ``motor`` [V] where the current is measured, ``hull`` [N]
-        where the hull moves. Positive: torque, voltage or force is left over.
+        ``shaft`` [N m] at the prime mover where it turns freely, ``motor`` [V] where the current is
+        measured, ``hull`` [N] where the hull moves. Positive: torque, voltage or force is left over.
     """
     plant = ship.record()
     wired = ship.has_voltage and CURRENT in points
     if wired:
         plant["armature_inductance"] = 1.0  # so that the current's rate [A/s] is a voltage [V]
-    turned = float(shaft_inertia(plant)) / torque_factor(ship)
-    lacking: dict[str, list[float]] = {"shaft": []}
-    for point in points.to_dict("records"):
-        blade = float(point.get("pitch_ratio", ship.propeller.pitch_ratio_max))
-        inputs = Inputs(float(point[drive_column(ship)]), blade)
-        bare = State(
-            blade, float(point["shaft_speed_rad_s"]), float(point.get("ship_speed_m_s", 0.0))
-        )
-        state = settled(plant, bare, inputs)
-        if wired:
-            state = state._replace(motor_current=float(point[CURRENT]))
-        rate, _ = evaluate(plant, state, inputs, blade)
-        lacking["shaft"].append(float(rate.shaft_speed) * turned)
-        if wired:
-            lacking.setdefault("motor", []).append(float(rate.motor_current))
-        if ship.moves:
-            force = float(rate.ship_speed) * float(plant["mass"])
-            lacking.setdefault("hull", []).append(force)
-    return {name: np.array(values) for name, values in lacking.items()}
+    rates = [point_at(ship, plant, point)[1] for point in points.to_dict("records")]
+    lacking: dict[str, NDArray[np.float64]] = {}
+    if ship.turns_freely:
+        turned = float(shaft_inertia(plant)) / torque_factor(ship)
+        lacking["shaft"] = np.array([float(rate.shaft_speed) * turned for rate in rates])
+    if wired:
+        lacking["motor"] = np.array([float(rate.motor_current) for rate in rates])
+    if ship.moves:
+        lacking["hull"] = np.array([float(rate.ship_speed * plant["mass"]) for rate in rates])
+    return lacking
 
 
 def solve(chosen: Free, points: pd.DataFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -227,7 +279,7 @@ def _refuse_currentless(chosen: Free, points: pd.DataFrame) -> None:
     if CURRENT in points:
         return
     if named := [key for key in (RESISTANCE, CONSTANT) if key in chosen]:
-        raise ValueError(
+        raise UntoldError(
             f"{METHOD}: {named[0]} needs {CURRENT}; without it a voltage tells torque in units of "
-            "K_e / R_a only, and both must be known"
-        )
+            "K_e / R_a only, and both must be known", named[:1], chosen.keys,
+        )  # fmt: skip

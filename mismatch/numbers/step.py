@@ -30,8 +30,9 @@ from .drive_train import (
     needs_drive_train,
 )
 from .found import Found
-from .free import RATIO, Free, freed
+from .free import RATIO, Free, freed, usual_keys
 from .frequency import interval_of
+from .identifiable import UntoldError
 from .steady import CURRENT, solve, steady_states
 from .transient import SIZES, Step, Told, steps, told
 
@@ -66,13 +67,16 @@ def step(
             no step, too few plateaus, or a recording too slow for the inductance.
     """
     needs_drive_train(ship, METHOD)
-    chosen = freed(ship, free, SIX)
+    chosen = freed(ship, free, usual_keys(ship, response=True))
     if strange := [key for key in chosen.keys if key not in {*SIX, *RATIO}]:
         raise ValueError(f"{METHOD}: does not find {strange[0]}; it finds {', '.join(SIX)}")
     tables = list(tables)
     currentless = [key for key in chosen.keys if key != INERTIA]
     if currentless and any(CURRENT not in table for table in tables):
-        raise ValueError(f"{METHOD}: {currentless[0]} needs {CURRENT}, which a recording lacks")
+        raise UntoldError(
+            f"{METHOD}: {currentless[0]} needs {CURRENT}, which a recording lacks", currentless[:1],
+            chosen.keys,
+        )  # fmt: skip
     states = steady_states(ship, tables)
     found = [one for table in tables for one in steps(ship, table)]
     if not found:
@@ -91,10 +95,10 @@ def step(
     base = ship if part is None else part.on(values)
     tells = _tells(base, found)
     if INDUCTANCE in moving and all(math.isnan(one.electric_s) for one in tells):
-        raise ValueError(
+        raise UntoldError(
             f"{METHOD}: {INDUCTANCE}: no sample falls into the electric transient; one every "
-            f"{interval_of(tables[0]):g} s is too slow for it"
-        )
+            f"{interval_of(tables[0]):g} s is too slow for it", [INDUCTANCE], chosen.keys,
+        )  # fmt: skip
     passed = _carried(part, values, found, moving)
     own = _own_covariance(base, tells, moving)
     joint = np.block(

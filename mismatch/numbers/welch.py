@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from ...plant.columns import drive_column
 from ...plant.ship import Ship
 from ..progress import Tick, silent
-from .drive_train import SIX
 from .found import Found
-from .free import freed
+from .free import freed, usual_keys
 from .frequency import (
     OUTPUTS,
     FrequencyResponse,
@@ -33,6 +32,7 @@ from .frequency import (
     channels_of,
     held,
     interval_of,
+    means_of,
     slowest_s,
 )
 from .frequency_fit import found_by
@@ -80,7 +80,8 @@ def welch(
             working point, one to two minutes or more; equal columns and intervals. Looked at:
             ``shaft_speed_rad_s`` (needed), ``motor_current_A``, ``shaft_torque_N_m``,
             ``ship_speed_m_s``.
-        free: dotted keys; the paper's six by default. ``sensors.speed_delay_s`` may be among them.
+        free: dotted keys; those of :func:`.free.usual_keys` by default, which are the paper's six on a
+            direct-current motor at bollard pull. ``sensors.speed_delay_s`` may be among them.
         tick: told how far it is.
 
     Returns:
@@ -91,7 +92,7 @@ def welch(
         ValueError: a column is missing, the demand is no noise, a shaft that rests or reverses, nothing
             coherent, or numbers that the response does not tell apart.
     """
-    chosen = freed(ship, free, SIX)
+    chosen = freed(ship, free, usual_keys(ship, response=True))
     return found_by(METHOD, chosen, coherent(noise_response(ship, tables, tick)))
 
 
@@ -121,7 +122,11 @@ def noise_response(
     level = {c: float(values.mean()) for c, values in whole.items()}
     relative = [{c: run[c] / level[c] - 1.0 for c in run} for run in runs]
     outputs = [c for c in OUTPUTS if c in whole]
-    means = {c: level[c] for c in outputs}
+    each = [
+        means_of(ship, table, run, slice(None)) for run, table in zip(runs, tables, strict=True)
+    ]
+    rows = [len(table) for table in tables]
+    means = {c: float(np.average([one[c] for one in each], weights=rows)) for c in each[0]}
     about = FrequencyResponse(level[demand], means, np.empty(0), {}, {}, interval_s, {})
     shortest = round(MEMORY * slowest_s(ship, about) / interval_s)
     bands = _bands(min(len(run[demand]) for run in runs), max(shortest, 64), interval_s)
@@ -129,6 +134,12 @@ def noise_response(
     for done, (length, low, high) in enumerate(bands, 1):
         lines += _band(relative, demand, outputs, length, low, high, interval_s)
         tick(METHOD, done, len(bands))
+    if not lines:
+        raise ValueError(
+            f"{METHOD}: recordings of {min(rows) * interval_s:.4g} s hold no segments of "
+            f"{max(shortest, 64) * interval_s:.4g} s, which is {MEMORY:g} time constants of "
+            f"{ship.name}; record for longer"
+        )
     density = max(line.density for line in lines)
     lines = [line for line in lines if line.density >= DRIVEN * density]
     frequency = np.array([line.frequency for line in lines])

@@ -29,6 +29,20 @@ class DcMotor(PrimeMover):
         "motor_voltage_demand", "U", "V", -1e5, 1e5, "demand", "motor_voltage_V",
         "voltage demanded of the motor's supply",
     )  # fmt: skip
+    steady_keys: ClassVar[tuple[str, ...]] = (  # in the order of Vrijdag & Martelli 2021, eq. 23
+        "transmission.coulomb_friction_engine_side_N_m",
+        "prime_mover.motor_constant_V_s_rad",
+        "prime_mover.armature_resistance_ohm",
+        "propeller.torque_coefficient",
+    )
+    response_keys: ClassVar[tuple[str, ...]] = (  # in the order of its Table 5
+        "prime_mover.armature_inductance_H",
+        "prime_mover.motor_constant_V_s_rad",
+        "prime_mover.armature_resistance_ohm",
+        "transmission.inertia_engine_side_kg_m2",
+        "transmission.coulomb_friction_engine_side_N_m",
+        "propeller.torque_coefficient",
+    )
 
     motor_constant_V_s_rad: float = number(
         "K_e, back-EMF and torque constant", "V s/rad = N m/A", record="motor_constant",

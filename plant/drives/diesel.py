@@ -41,6 +41,14 @@ class Diesel(PrimeMover):
     demand: ClassVar[Signal] = Signal(
         "fuel_rack_demand", "X", "mm", 0, 200, "demand", "fuel_rack_mm", "demand on the fuel rack"
     )
+    steady_keys: ClassVar[tuple[str, ...]] = (
+        "prime_mover.torque_per_speed_N_m_s_rad",
+        "prime_mover.torque_per_rack_N_m_mm",
+        "prime_mover.torque_offset_N_m",
+    )
+    response_keys: ClassVar[tuple[str, ...]] = (
+        *steady_keys, "transmission.inertia_engine_side_kg_m2",
+    )  # fmt: skip
     derived: ClassVar[tuple[tuple[Any, ...], ...]] = (
         ("engine_speed_min", np.float64),
         ("engine_speed_max", np.float64),

@@ -22,6 +22,10 @@ class PrimeMover(Section):
     """Whether it gives the torque that it is told."""
     demand: ClassVar[Signal]
     """What commands it."""
+    steady_keys: ClassVar[tuple[str, ...]] = ()
+    """Dotted keys of a ship file that steady states identify where the user names none."""
+    response_keys: ClassVar[tuple[str, ...]] = ()
+    """Dotted keys that a frequency response identifies where the user names none."""
 
     @property
     def delays(self) -> dict[str, float]:

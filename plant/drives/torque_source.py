@@ -24,6 +24,14 @@ class TorqueSource(PrimeMover):
         "motor_torque_demand", "M_d", "N m", -1e8, 1e8, "demand", "motor_torque_N_m",
         "torque demanded of the drive",
     )  # fmt: skip
+    steady_keys: ClassVar[tuple[str, ...]] = (
+        "transmission.coulomb_friction_engine_side_N_m",
+        "transmission.viscous_friction_engine_side_N_m_s_rad",
+        "propeller.torque_coefficient",
+    )
+    response_keys: ClassVar[tuple[str, ...]] = (
+        *steady_keys, "transmission.inertia_engine_side_kg_m2",
+    )  # fmt: skip
 
     torque_max_N_m: float = number("torque limit", "N m", record="drive_max", gt=0, le=1e8)
     torque_offset_N_m: float = torque_offset()

@@ -250,7 +250,7 @@ def test_coasting_agrees_with_an_independent_integrator(name: str) -> None:
     pitch = ship.propeller.pitch_ratio_max
 
     def rates(_: float, y: NDArray[np.float64]) -> list[float]:
-        rate, _outputs = evaluate(plant, State(*map(float, y)), Inputs(0.0, pitch), pitch, False)
+        rate, _outputs = evaluate(plant, State(*map(float, y)), Inputs(0.0, pitch), pitch)
         return [float(value) for value in rate]
 
     exact = scipy.integrate.solve_ivp(

@@ -18,6 +18,7 @@ from shaftline.plant.shaft import (
     quadratic_drag,
     shaft_inertia,
 )
+from shaftline.plant.ship_templates import template
 
 GEAR, EFFICIENCY = 7.38, 0.95
 LEFT, RIGHT = 53697.0, 14411.0
@@ -112,15 +113,21 @@ def test_inertias_before_and_behind_the_gauge(rubbing: Any) -> None:
 
 
 def test_gauge_reads_what_is_left_after_accelerating_the_engine_side(plant: Any) -> None:
-    assert gauge_torque(plant, 1e5, 0.25) == 1e5 - 0.25 * LEFT
-    assert gauge_torque(plant, 1e5, -0.25) == 1e5 + 0.25 * LEFT
+    assert gauge_torque(plant, 1e5, 9e4, 0.25) == 1e5 - 0.25 * LEFT
+    assert gauge_torque(plant, 1e5, 9e4, -0.25) == 1e5 + 0.25 * LEFT
+
+
+def test_gauge_reads_nothing_where_nothing_turns_behind_it() -> None:
+    servo = template("drive-with-load").record()
+    for drive in np.linspace(-150.0, 150.0, 301):
+        assert gauge_torque(servo, drive, 0.0, drive / shaft_inertia(servo)) == 0.0
 
 
 def test_gauge_is_the_cut_seen_from_either_side(rubbing: Any) -> None:
     drive, load = drive_torque(rubbing, 2e4, 10.0), load_torque(rubbing, 9e4, 10.0)
     acceleration = (drive - load) / shaft_inertia(rubbing)
     behind = load + inertia_behind_gauge(rubbing) * acceleration
-    assert gauge_torque(rubbing, drive, acceleration) == pytest.approx(behind, rel=1e-12)
+    assert gauge_torque(rubbing, drive, load, acceleration) == pytest.approx(behind, rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["coulomb_friction", "viscous_friction"])
