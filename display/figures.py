@@ -94,28 +94,28 @@ def observer_traces(
     return figure
 
 
-def trade_off(comparison: pd.DataFrame, vaf: pd.DataFrame) -> Figure:
+def trade_off(needed: pd.Series, vaf: pd.DataFrame) -> Figure:
     """Average VAF against the SNR that an observer needs (thesis Figure 4-2), with its range.
 
     Args:
-        comparison: from :func:`shaftline.studies.thesis.snr.compared`.
+        needed: SNR [dB] by observer, from :func:`shaftline.studies.thesis.snr.snr_at`.
         vaf: VAF table, rows by observer, columns by load case.
     """
     figure, axes = new_figure(1, 1, (8.5, 5.2))
     axis: Axes = axes[0, 0]
-    drawn = [c for c in comparison.itertuples() if np.isfinite(c.ours) and c.row in vaf.index]
-    for i, cell in enumerate(drawn):
-        values = vaf.loc[cell.row]
+    drawn = [(str(row), float(snr)) for row, snr in needed.dropna().items() if row in vaf.index]
+    for i, (row, snr) in enumerate(drawn):
+        values = vaf.loc[row]
         color = PALETTE[i % len(PALETTE)]
         low, middle, high = values.min(), values.mean(), values.max()
         axis.errorbar(
-            cell.ours,
+            snr,
             middle,
             yerr=[[middle - low], [high - middle]],
             fmt="o" if i < len(PALETTE) else "s",
             color=color,
             capsize=3,
-            label=cell.row,
+            label=row,
             linewidth=1,
         )
     axis.set_xlabel("SNR needed for 95 % of the noiseless VAF [dB]  (less is better)")

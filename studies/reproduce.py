@@ -12,9 +12,10 @@ from ..plant import load_ship
 from .augmented_filter import destroyer, destroyer_page, esso_osaka, esso_osaka_page
 from .augmented_filter import page as filter_page
 from .augmented_filter import results as filter_results
+from .cells import Cell
 from .ferry import levers, optimiser_page
 from .ferry.lever_tables import against_combinator
-from .reproduced import Cells, Make, Reproduced, Tick, cells_of
+from .reproduced import Make, Reproduced, Tick
 from .side_by_side import Page, reasons, table
 from .steering import page as steering_page
 from .steering import results as steering_results
@@ -36,7 +37,7 @@ def reproduce_storms(folder: Path, tick: Tick) -> Reproduced:
     picture = storm_page.figure(found.traces, load_ship("frigate").time_step_s)
     figures.save(picture, folder / "figures" / "storms.png")
     numbers = beside.set_index("storm").to_dict("index")
-    return Reproduced(title, beside, storm_page.why(found), numbers)
+    return Reproduced(title, beside, storm_page.why(found), numbers, ())
 
 
 def reproduce_levers(folder: Path, tick: Tick) -> Reproduced:
@@ -47,9 +48,8 @@ def reproduce_levers(folder: Path, tick: Tick) -> Reproduced:
         " / ".join(map(str, row[keys])): row.drop([*keys, "active"]).dropna().to_dict()
         for _, row in whole.iterrows()
     }
-    cells = cells_of(levers.printed_size(whole))
     words = levers.findings(whole)
-    return Reproduced(levers.CHANGE, against_combinator(whole), words, numbers, cells)
+    return Reproduced(levers.CHANGE, against_combinator(whole), words, numbers, ())
 
 
 def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
@@ -67,6 +67,7 @@ def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
                     printed=[f"{value:.3g}" for value in five["printed"]]),
         "- see the page: rounding of Table 4, and poles read off a plot",
         {"table-5": numbers},
+        (),
     )  # fmt: skip
 
 
@@ -81,7 +82,7 @@ def reproduce_augmented_filter(folder: Path, tick: Tick) -> Reproduced:
         of = numbers.setdefault(f"falling body, beta {row['beta']:g}, {row['readings']}", {})
         of[str(row["quantity"])] = float(row["median"])
     shown = filter_page.story_table(found)
-    return Reproduced(filter_page.TITLE, shown, filter_page.WHY, numbers)
+    return Reproduced(filter_page.TITLE, shown, filter_page.WHY, numbers, ())
 
 
 def reproduce_esso_osaka(folder: Path, tick: Tick) -> Reproduced:
@@ -101,9 +102,19 @@ def _page(name: str, title: str, page: Page, folder: Path) -> Reproduced:
     )
     for file, figure in page.figures.items():
         figures.save(figure, folder / "figures" / f"{file}.png")
-    off = [row for row in page.rows if not row.met]
-    lost = sum(not row.why for row in off)
-    cells = Cells(len(page.rows) - len(off), len(off) - lost, lost)
+    cells = [
+        Cell(
+            title,
+            row.what,
+            "",
+            row.ours,
+            row.low,
+            row.high,
+            "as the page states",
+            words=row.printed,
+        )
+        for row in page.rows
+    ]
     return Reproduced(title, shown, reasons(page.rows), page.numbers, cells)
 
 

@@ -217,7 +217,9 @@ def reproduce(folder: Path, tick: Tick) -> Reproduced:
         for _, row in wrong.iterrows()
     }
     shown = wrong.round(2).astype(dict.fromkeys(wrong.columns, object))
-    return Reproduced(TITLE, shown.astype(str), "- the paper prints no numbers of these", numbers)
+    return Reproduced(
+        TITLE, shown.astype(str), "- the paper prints no numbers of these", numbers, ()
+    )
 
 
 def _told(wrong: pd.DataFrame, pitch: pd.DataFrame) -> dict[str, Any]:

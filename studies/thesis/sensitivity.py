@@ -9,7 +9,8 @@ import pandas as pd
 
 from ...observers import follow_record, get_observer, readings_of, variance_accounted_for
 from ...plant import Ship, load_ship
-from ..side_by_side import compare, published
+from ..cells import Cell, Kind, half_digit
+from ..side_by_side import Judged, compare, published_text
 from .load_cases import CASES
 from .vaf import ROWS
 
@@ -39,23 +40,6 @@ def _beliefs(ship: Ship) -> dict[str, tuple[Ship, float]]:
         "ear_0.6": (area(0.6), 1.0),
         "ear_1.0": (area(1.0), 1.0),
     }
-
-
-_INERTIA = (
-    "the filter's gain and model follow from I_R, so a wrong I_R must show; the thesis prints no change "
-    "here, while its I&I rows agree with ours: it seems that the wrong value did not reach this filter"
-)
-_SLIP = (
-    "the thesis's sign is a misprint: the standard deviation that it prints beside the row follows from "
-    "its changes only with the other sign, which ours has"
-)
-REASONS = {
-    ("*", "inertia_minus_10pct"): _INERTIA,
-    ("*", "inertia_plus_10pct"): _INERTIA,
-    ("*", "rms"): "follows from the row's other cells",
-    ("*", "sd"): "follows from the row's other cells",
-    ("*", "*"): "a wrong torque curve is inverted exactly here and by a coarse table in the thesis",
-}
 
 
 _ROUNDED = 0.008
@@ -131,8 +115,10 @@ def sensitivity_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
     return table
 
 
-def compared(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
-    """Ours beside the thesis's."""
-    theirs = published("advance_velocity_thesis_sensitivity")
-    slips = dict.fromkeys(sign_slips(theirs), _SLIP)
-    return compare(sensitivity_table(tick), theirs, slips | REASONS, 1.0)
+def _judge(row: str, column: str, text: str) -> Judged:
+    return Kind.FREE, half_digit(text, 2), "half a unit of the last printed digit"
+
+
+def cells(ours: pd.DataFrame) -> list[Cell]:
+    """Return the cells of Table 5-1 for our changes, from :func:`sensitivity_table`."""
+    return compare("5-1", ours, published_text("advance_velocity_thesis_sensitivity"), _judge)

@@ -18,7 +18,8 @@ from ...observers import Observer, follow, get_observer, readings_of
 from ...observers.immersion_invariance import ImmersionInvariance
 from ...observers.metrics import Floats, variance_accounted_for, with_noise
 from ...plant import Ship, load_ship
-from ..side_by_side import compare, published
+from ..cells import Cell, Kind, half_digit
+from ..side_by_side import Judged, compare, published, published_text
 from .load_cases import CASES
 from .vaf import ROWS
 
@@ -26,20 +27,6 @@ SAMPLE_TIME_S = 0.01
 SAMPLE_TIMES_S = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
 SEEDS = 20
 SHARE = 0.95
-
-REASONS = {
-    (
-        "*",
-        "*",
-    ): "within about 2 dB; probably the thesis's coarse inverse table, which cannot follow large "
-    "noise, and the unknown discretisation of its filters",
-    (
-        "random-walk-kalman",
-        "*",
-    ): "the printed filter acts as a power balance and here needs the same "
-    "SNR as that; the thesis's is 1.3 dB better than its power balance, for a reason that it does not "
-    "give",
-}
 
 
 def required_snr(
@@ -80,10 +67,17 @@ def snr_at(
     return pd.Series(found, index=list(ROWS))
 
 
-def compared(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
-    """Ours at the sample time that fits, beside the thesis's."""
-    ours = snr_at(SAMPLE_TIME_S, tick=tick).to_frame("snr_db_for_95pct")
-    return compare(ours, published("advance_velocity_thesis_vaf"), REASONS, 1.0)
+COLUMN = "snr_db_for_95pct"
+
+
+def _judge(row: str, column: str, text: str) -> Judged:
+    return Kind.FREE, half_digit(text, 1), "half a unit of the last printed digit"
+
+
+def cells(ours: pd.Series) -> list[Cell]:
+    """Return the cells of Table 4-2 for our noise limits [dB], from :func:`snr_at`."""
+    theirs = published_text("advance_velocity_thesis_vaf")
+    return compare("4-2", ours.to_frame(COLUMN), theirs, _judge)
 
 
 def sample_time_scan(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:

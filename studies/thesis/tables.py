@@ -12,8 +12,9 @@ from ...display.tables import markdown, write_table
 from ...observers import follow, get_observer, readings_of
 from ...observers.metrics import variance_accounted_for
 from ...plant import Ship, linearise, load_ship
-from ..reproduced import Make, Reproduced, Tick, cells_of
-from ..side_by_side import published, reasons_text, side_by_side
+from ..cells import Cell
+from ..reproduced import Make, Reproduced, Tick
+from ..side_by_side import published, reasons_text, side_by_side, verdicts
 from . import (
     dead_beat,
     drawn,
@@ -31,32 +32,34 @@ from . import (
 from .load_cases import CASES
 
 
-def _numbers(comparison: pd.DataFrame) -> dict[str, dict[str, float]]:
-    wide = comparison.pivot(index="row", columns="column", values="ours")
+def _numbers(ours: pd.DataFrame) -> dict[str, dict[str, float]]:
     return {
         str(row): {str(c): float(v) for c, v in values.items() if pd.notna(v)}
-        for row, values in wide.iterrows()
+        for row, values in ours.iterrows()
     }
 
 
 def _finished(
-    name: str, title: str, comparison: pd.DataFrame, folder: Path, digits: int, extra: str = ""
+    name: str,
+    title: str,
+    ours: pd.DataFrame,
+    cells: list[Cell],
+    folder: Path,
+    digits: int,
+    extra: str = "",
 ) -> Reproduced:
-    shown = side_by_side(comparison, digits)
-    reasons = reasons_text(comparison)
+    shown = side_by_side(ours, cells, digits)
     body = (
-        "Ours, with the thesis's number in parentheses.\n\n"
-        f"{markdown(shown)}\n\nWhere they differ, and why:\n\n{reasons}\n{extra}"
+        "Ours, with the thesis's number in parentheses; a star marks a difference without a calculated "
+        f"reason.\n\n{markdown(shown)}\n\n{verdicts(name, cells)}{extra}"
     )
-    write_table(folder, name, title, f"shaftline reproduce {name}", comparison, body)
-    return Reproduced(
-        f"{title}: ours (thesis)", shown, reasons, _numbers(comparison), cells_of(comparison)
-    )
+    write_table(folder, name, title, f"shaftline reproduce {name}", ours.reset_index(), body)
+    return Reproduced(f"{title}: ours (thesis)", shown, reasons_text(cells), _numbers(ours), cells)
 
 
 def reproduce_working_points(folder: Path, tick: Tick) -> Reproduced:
     """Table 2-1, Figures 2-4 and 4-1, and what the text says of the steps and gains."""
-    comparison = working_points.compared()
+    ours = working_points.working_points()
     frigate = load_ship("frigate")
     for name, figure in (
         ("fuel-rack-map", drawn.fuel_rack_map(frigate)),
@@ -71,7 +74,8 @@ def reproduce_working_points(folder: Path, tick: Tick) -> Reproduced:
         "(figures/fuel-rack-map.png)\n\n"
         "![What changes in each load case (Figure 4-1)](figures/load-cases.png)\n"
     )
-    return _finished("working-points", "Working points (Table 2-1)", comparison, folder, 3, extra)
+    title = "Working points (Table 2-1)"
+    return _finished("working-points", title, ours, working_points.cells(ours), folder, 3, extra)
 
 
 def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
@@ -129,7 +133,7 @@ def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
         f"{r.table} {r.point}": {"gain": float(r.gain), "gain_thesis": float(r.gain_thesis)}
         for r in plant.itertuples()
     }
-    return Reproduced(title, shown, reasons, numbers, cells_of(plant))
+    return Reproduced(title, shown, reasons, numbers, ())
 
 
 def _linear_observers(ship: Ship) -> str:
@@ -180,7 +184,7 @@ def _told_filter(frigate: Ship) -> str:
 
 def reproduce_vaf(folder: Path, tick: Tick) -> Reproduced:
     """Table 4-1; Figures A-1 to A-11."""
-    comparison = vaf.compared(tick)
+    ours = vaf.whole_table(vaf.vaf_table(tick))
     extra = (
         f"\nThe sea's column is the mean of {vaf.SEA_SEEDS} seeds. `random-walk-kalman` is the filter "
         "as printed; `random-walk-kalman-extended` is ours, which keeps its own shaft speed.\n\n"
@@ -198,7 +202,8 @@ def reproduce_vaf(folder: Path, tick: Tick) -> Reproduced:
         "for which we know no reason.\n\n"
         "Time traces: " + ", ".join(f"[{r}](figures/traces-{r}.png)" for r in vaf.ROWS) + "\n"
     )
-    result = _finished("vaf", "Variance accounted for, % (Table 4-1)", comparison, folder, 2, extra)
+    title = "Variance accounted for, % (Table 4-1)"
+    result = _finished("vaf", title, ours, vaf.cells(ours), folder, 2, extra)
     _draw_traces(folder / "figures")
     tick()
     return result
@@ -225,7 +230,7 @@ def _draw_traces(folder: Path) -> None:
 
 def reproduce_snr(folder: Path, tick: Tick) -> Reproduced:
     """Table 4-2, Figures 4-2, 4-3 and A-12 to A-22."""
-    comparison = snr.compared(tick)
+    ours = snr.snr_at(snr.SAMPLE_TIME_S, tick=tick)
     scan = snr.sample_time_scan(tick)
     sweep = snr.gain_sweep(tick)
     clean = vaf.vaf_table(tick)
@@ -243,15 +248,15 @@ def reproduce_snr(folder: Path, tick: Tick) -> Reproduced:
     printed = published("advance_velocity_thesis_vaf")["snr_db_for_95pct"]
     curves = drawn.snr_curves(frigate, tick)
     figures.save(drawn.noise_figure(curves, printed), folder / "figures" / "noise.png", dpi=60)
-    figures.save(figures.trade_off(comparison, clean), folder / "figures" / "trade-off.png")
+    figures.save(figures.trade_off(ours, clean), folder / "figures" / "trade-off.png")
     figures.save(figures.gain_sweep(sweep), folder / "figures" / "gain-sweep.png")
     title = "Signal-to-noise ratio for 95 % of the noiseless VAF, dB (Table 4-2)"
-    return _finished("snr", title, comparison, folder, 1, extra)
+    return _finished("snr", title, ours.to_frame(snr.COLUMN), snr.cells(ours), folder, 1, extra)
 
 
 def reproduce_sensitivity(folder: Path, tick: Tick) -> Reproduced:
     """Table 5-1 and Figures A-23 to A-33."""
-    comparison = sensitivity.compared(tick)
+    ours = sensitivity.sensitivity_table(tick)
     picture = drawn.belief_figure(load_ship("frigate"))
     figures.save(picture, folder / "figures" / "beliefs.png", dpi=60)
     extra = (
@@ -259,7 +264,7 @@ def reproduce_sensitivity(folder: Path, tick: Tick) -> Reproduced:
         "![Estimates over 10 s, a panel an observer](figures/beliefs.png)\n"
     )
     title = "Change of VAF with wrong knowledge of the ship, points (Table 5-1)"
-    return _finished("sensitivity", title, comparison, folder, 2, extra)
+    return _finished("sensitivity", title, ours, sensitivity.cells(ours), folder, 2, extra)
 
 
 TABLES: dict[str, tuple[Make, int]] = {

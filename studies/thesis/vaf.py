@@ -10,7 +10,8 @@ import pandas as pd
 from ...observers import follow, get_observer, readings_of
 from ...observers.metrics import Floats, variance_accounted_for
 from ...plant import Ship, load_ship
-from ..side_by_side import compare, published
+from ..cells import Cell, Kind, half_digit
+from ..side_by_side import Judged, compare, published_text
 from .load_cases import CASES, LoadCase
 
 ROWS = {
@@ -31,21 +32,6 @@ ROWS = {
 
 SEA_SEEDS = 10
 COLUMNS = [name for name, case in CASES.items() if not case.noisy]
-
-REASONS = {
-    (
-        "*",
-        "pitch_step",
-    ): "the thesis inverts KQ by a table that is too coarse in P/D while the pitch "
-    "moves; ours inverts the curve exactly. The rows that need no inverse (I&I, random-walk Kalman) "
-    "agree",
-    ("*", "average"): "follows from the row's other cells, the pitch step's above all",
-    ("*", "sd"): "follows from the row's other cells, the pitch step's above all",
-    (
-        "*",
-        "jonswap",
-    ): "ours is the mean of ten seeded seas; the thesis has one, with unknown phases",
-}
 
 
 def scores(observer: str, ship: Ship, readings: Floats, truth: Floats, dt: float) -> float:
@@ -85,9 +71,16 @@ def records() -> int:
     return len(list(_records()))
 
 
-def compared(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
-    """Ours beside the thesis's."""
-    table = vaf_table(tick)
-    cells = table[COLUMNS]
-    whole = table.assign(average=cells.mean(axis=1), sd=cells.std(axis=1))
-    return compare(whole, published("advance_velocity_thesis_vaf"), REASONS, 1.0)
+def whole_table(scores_by_case: pd.DataFrame) -> pd.DataFrame:
+    """Return Table 4-1: scores of :func:`vaf_table` with the mean and standard deviation of each row."""
+    cells = scores_by_case[COLUMNS]
+    return scores_by_case.assign(average=cells.mean(axis=1), sd=cells.std(axis=1))
+
+
+def _judge(row: str, column: str, text: str) -> Judged:
+    return Kind.FREE, half_digit(text, 2), "half a unit of the last printed digit"
+
+
+def cells(ours: pd.DataFrame) -> list[Cell]:
+    """Return the cells of Table 4-1 for our scores, from :func:`whole_table`."""
+    return compare("4-1", ours, published_text("advance_velocity_thesis_vaf"), _judge)

@@ -6,9 +6,11 @@ import numpy as np
 import pandas as pd
 
 from ...plant import Ship, equilibrium, load_ship
-from ..side_by_side import compare, published
+from ..cells import Cell, Kind, half_digit
+from ..side_by_side import Judged, compare, published, published_text
 from .poles import models, sorted_numbers
 
+TABLE = "advance_velocity_thesis_working_points"
 COLUMNS = ["shaft_speed_rad_s", "ship_speed_m_s", "advance_velocity_m_s", "engine_torque_N_m"]
 
 
@@ -29,16 +31,13 @@ def working_points() -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index", columns=COLUMNS)
 
 
-def compared() -> pd.DataFrame:
-    """Ours beside the thesis's."""
-    theirs = published("advance_velocity_thesis_working_points")
-    reason = (
-        "the thesis prints three digits of the inputs and takes KT and KQ from a coarse table, whose "
-        "edge is P/D 0.6"
-    )
-    return compare(
-        working_points(), theirs, {("*", "*"): reason}, lambda row, column, value: 0.005 * value
-    )
+def _judge(row: str, column: str, text: str) -> Judged:
+    return Kind.FREE, half_digit(text), "half a unit of the last printed digit"
+
+
+def cells(ours: pd.DataFrame) -> list[Cell]:
+    """Return the cells of Table 2-1 for our steady states, from :func:`working_points`."""
+    return compare("2-1", ours, published_text(TABLE), _judge)
 
 
 SAID = """\
