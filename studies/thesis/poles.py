@@ -32,21 +32,6 @@ TABLES = {
     "2-14": ("shaft_torque", "inflow"),
 }
 
-_COARSE = (
-    "the thesis differentiates a coarse table of KT and KQ; ours are the exact derivatives of the "
-    "simulated equations"
-)
-_EDGE = (
-    "its points lie at the edge of that table (P/D 0.6 or 1.4), where differences to the pitch have "
-    "only one side"
-)
-_GAUGE = (
-    "at rest the gauge carries the engine's torque (eq. 2-17), so every gain to M_m must be "
-    "a i_gb^2 eta_trm = -2354 N m s/rad times the gain to omega, plus b i_gb eta_trm = 10016 N m/mm "
-    "for the rack, and -0.0438 must be a zero of all but the rack's; the printed numbers of point A "
-    "obey this, those of B, C and D do not"
-)
-
 
 def reduced(system: control.StateSpace) -> tuple[list[float], list[float], float]:
     """Poles, zeros [rad/s] and steady gain of one transfer, common factors cancelled, by size."""
@@ -73,7 +58,7 @@ def _shown(values: list[float]) -> str:
 
 
 def plant_transfers(ship: Ship) -> pd.DataFrame:
-    """Every transfer of Tables 2-2 to 2-14 at A to D, ours beside the thesis's."""
+    """Return every transfer of Tables 2-2 to 2-14 at A to D, ours beside the thesis's."""
     printed = published("advance_velocity_thesis_poles_zeros_gains").reset_index()
     rows = []
     for point, model in models(ship).items():
@@ -84,13 +69,6 @@ def plant_transfers(ship: Ship) -> pd.DataFrame:
             ].iloc[0]
             thesis_gain = float(line["dc_gain"])
             difference = 100.0 * (gain / thesis_gain - 1.0)
-            why = ""
-            if abs(difference) > 2.0:
-                why = _COARSE
-                if source == "pitch_command":
-                    why = _EDGE
-                if output == "shaft_torque" and point != "A":
-                    why = _GAUGE
             rows.append(
                 {
                     "table": table,
@@ -103,7 +81,6 @@ def plant_transfers(ship: Ship) -> pd.DataFrame:
                     "gain": gain,
                     "gain_thesis": thesis_gain,
                     "gain_difference_percent": difference,
-                    "why": why,
                 }
             )
     return pd.DataFrame(rows)
@@ -123,7 +100,6 @@ def observer_transfers(ship: Ship) -> pd.DataFrame:
             "poles_thesis": "-10.53 ± 10.41i",
             "zeros": ", ".join(f"{z.real:.2f}" for z in speed.zeros()),
             "zeros_thesis": "-10.42",
-            "why": "",
         }
     ]
     points = published("advance_velocity_thesis_working_points")
@@ -150,9 +126,6 @@ def observer_transfers(ship: Ship) -> pd.DataFrame:
                     "poles_thesis": "0",
                     "zeros": f"{-by_speed / inertia:.4f}",
                     "zeros_thesis": printed,
-                    "why": "the printed pole leaves out that M_p in eq. 3-13 depends on the estimate "
-                    "itself, which is what makes the observer converge; the zero is -(dM_p/domega) "
-                    "/ I_R, and the thesis takes that slope from its coarse table",
                 }
             )
     return pd.DataFrame(rows)

@@ -21,7 +21,9 @@ from . import (
     followed,
     load_cases,
     observer_transfers,
+    pole_cells,
     poles,
+    printed_plant,
     rounded_table,
     sensitivity,
     snr,
@@ -83,19 +85,15 @@ def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
     plant, observers = poles.compared()
     frigate = load_ship("frigate")
     point, middle = verification.mid_range_point(frigate), verification.mid_range(frigate)
+    cells = pole_cells.cells(frigate)
     tick()
     title = "Poles, zeros and steady gains (Tables 2-2 to 2-23, 3-1 to 3-14)"
-    shown = plant.drop(columns="why")
-    whys = plant[plant["why"] != ""].groupby("why", sort=False)["table"]
-    reasons = "\n".join(
-        f"- {why} (tables {', '.join(dict.fromkeys(tables))})" for why, tables in whys
-    )
     body = (
-        f"{markdown(shown, 4)}\n\nWhere gains differ by more than 2 %, and why:\n\n{reasons}\n\n"
+        f"{markdown(plant, 4)}\n\n{_implied(frigate)}"
         f"{_linear_observers(frigate)}"
         f"## Two transfers with their zeros\n\n{markdown(observers)}\n\n"
         f"## The random-walk Kalman filter (Tables 3-11 to 3-14)\n\n{dead_beat.WHY}\n\n"
-        f"{_told_filter(frigate)}\n\n"
+        f"{_dead_beat_table(frigate)}\n\n"
         "Figure 3-10 draws them with s in the place of z, which means nothing; as the discrete filter "
         "that it is:\n\n"
         "![Bode magnitude of the random-walk Kalman filter](figures/bode-random-walk-kalman.png)\n\n"
@@ -105,12 +103,15 @@ def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
         f"({point.state.shaft_speed:.2f} rad/s, {point.state.ship_speed:.2f} m/s); everything else in "
         "this table is then a prediction. From the pitch to the shaft speed our gain is that of "
         "Vrijdag & Stapersma, not the thesis's; from the pitch to the ship speed it differs from both, "
-        "even in sign: a shaft that the pitch slows takes less power from an engine whose torque "
-        "hardly changes.\n\n"
+        "even in sign.\n\n"
         f"{markdown(middle)}\n\n"
         f"{_followed(frigate)}"
         "![Bode plot at A to D](figures/bode.png)\n\n"
-        "![Bode plot at the mid-range point](figures/bode-mid-range.png)\n"
+        "![Bode plot at the mid-range point](figures/bode-mid-range.png)\n\n"
+        "The poles of a point stand in twelve tables and count once. Of the cells that are met, those "
+        "of Tables 3-1 to 3-8 and of section 3-1-3 follow from the poles and covariances that the "
+        "thesis prints, whatever the plant is.\n\n"
+        f"{verdicts('poles', cells)}"
     )
     write_table(folder, "poles", title, "shaftline reproduce poles", plant, body)
     figures.save(
@@ -133,7 +134,43 @@ def reproduce_poles(folder: Path, tick: Tick) -> Reproduced:
         f"{r.table} {r.point}": {"gain": float(r.gain), "gain_thesis": float(r.gain_thesis)}
         for r in plant.itertuples()
     }
-    return Reproduced(title, shown, reasons, numbers, ())
+    return Reproduced(title, plant, reasons_text(cells), numbers, cells)
+
+
+IMPLIED = """\
+## The open-water slopes that the print implies
+
+Poles, zeros and gains of one point give the four elements of its linear model, and these give KQ, KT
+and their slopes to J (`shaftline.studies.thesis.printed_plant` states the equations). KQ is that of
+B5-90 within {torque:.1f} %. Its slope is steeper than that of B5-90 at any J of that pitch. A difference
+of the curve over any step lies between its least and largest slope, so neither a coarse table nor a
+one-sided difference at the edge of the table gives it. KT is steeper in B5-90 than in the print. No
+other propeller of the B-series has these slopes: of 2 to 7 blades and area ratios of 0.3 to 1.05 the
+closest at A and C, {blades:.0f} blades and {area:.2f}, leaves {kq:.0f} % in dKQ/dJ and {kt:.0f} % in
+dKT/dJ at A.
+The reason is unknown, and the gains that rest on the slopes count as unexplained.
+
+"""
+
+REPEATED = """\
+## Gains and zeros to M_m at B, C and D
+
+On the plant that the print implies, point A's row of M_m gives the printed numbers of B, C and D; the
+point's own row (eq. 2-31, equal to eq. 2-17 at rest) does not.
+
+"""
+
+
+def _implied(ship: Ship) -> str:
+    slopes, row = printed_plant.slopes(ship), printed_plant.repeated_row(ship)
+    torque = slopes[slopes["coefficient"] == "KQ"]
+    closest = printed_plant.other_propellers(ship).iloc[0]
+    words = IMPLIED.format(
+        torque=100.0 * (torque["implied"] / torque["B5-90"] - 1.0).abs().max(),
+        blades=closest["blades"], area=closest["area ratio"],
+        kq=closest["dKQ/dJ at A [%]"], kt=closest["dKT/dJ at A [%]"],
+    )  # fmt: skip
+    return f"{words}{markdown(slopes, 5)}\n\n{REPEATED}{markdown(row, 1)}\n\n"
 
 
 def _linear_observers(ship: Ship) -> str:
@@ -176,7 +213,7 @@ def _short(value: Any) -> Any:
     return f"{value:.2g}" if isinstance(value, float) else value
 
 
-def _told_filter(frigate: Ship) -> str:
+def _dead_beat_table(frigate: Ship) -> str:
     table = dead_beat.compared(frigate)
     gains = {name: table[name].map("{:.3g}".format) for name in ("gain follows", "gain printed")}
     return markdown(table.assign(**gains), 4)
