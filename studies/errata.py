@@ -17,10 +17,9 @@ import pandas as pd
 from ..baselines.loop_shaping import COURSE_LOOP, TAYLOR, TAYLOR_GEAR, heading_plant, shaped
 from ..core.lazy import control
 from ..display.tables import markdown, write_table
-from ..plant import load_ship
 from ..plant.loops import Loop
 from .side_by_side import published
-from .thesis import dead_beat, sensitivity
+from .thesis import misprints
 
 FOOT, LONG_TON, KNOT, WATER = 0.3048, 1016.047, 0.514444, 1025.0
 TITLE = "Errata of the sources"
@@ -45,46 +44,7 @@ class Erratum(NamedTuple):
 
 
 def _observers() -> list[Erratum]:
-    printed = published("advance_velocity_thesis_sensitivity")
-    found = []
-    for row, column in sensitivity.sign_slips(printed):
-        cells = printed.loc[row]
-        changes = cells.iloc[1:7].astype(float)
-        turned = changes.where(changes.index != column, -changes)
-        found.append(
-            Erratum(
-                "observers",
-                f"Table 5-1, {row}, {column}",
-                f"{changes[column]:+.2f}",
-                f"the row's SD is printed as {cells['sd']:.2f}; as printed it is {changes.std():.2f}, "
-                f"with the other sign {turned.std():.2f}",
-                f"{-changes[column]:+.2f}",
-            )
-        )
-    table = dead_beat.compared(load_ship("frigate"))
-    slip = table[(table["table"] == "3-11") & (table["point"] == "C")].iloc[0]
-    found.append(
-        Erratum(
-            "observers",
-            "Table 3-11, C",
-            f"a zero of {slip['zero printed']:.3f}",
-            "1 - 1 / (1 + a11) with a11 of Table 3-13 gives "
-            f"{slip['zero follows']:.3f}, as it gives A, B and D to their digits",
-            "the other sign",
-        )
-    )
-    found.append(
-        Erratum(
-            "observers",
-            "Tables 3-11 to 3-14",
-            "poles and zeros in rad/s, steady gains to 1e16",
-            "all sixteen gains follow within "
-            f"{100.0 * (table['gain follows'] / table['gain printed'] - 1.0).abs().max():.1f} % from a "
-            "discrete dead-beat predictor at z = 0",
-            "poles at z = 0; the gains mean nothing",
-        )
-    )
-    return found
+    return [Erratum("observers", *one) for one in misprints.misprints()]
 
 
 def _drive_train() -> list[Erratum]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from ...observers import follow, get_observer, readings_of
 from ...observers.metrics import Floats, variance_accounted_for
 from ...plant import Ship, load_ship
-from ..cells import Cell, Kind, half_digit
+from ..cells import Cell, Kind, Reason, half_digit
 from ..side_by_side import Judged, compare, published_text
 from .load_cases import CASES, LoadCase
 
@@ -30,7 +32,11 @@ ROWS = {
 }
 """Rows of the table and the observers behind them; the last is ours, the others the thesis's."""
 
-SEA_SEEDS = 10
+SEA, SEA_SEEDS = "jonswap", 10
+IN_SEAS = (
+    f"half a unit of the last printed digit, and the 95 % prediction interval of one sea's score from "
+    f"{SEA_SEEDS} seeded seas: the thesis has one sea, with phases that it does not print"
+)
 COLUMNS = [name for name, case in CASES.items() if not case.noisy]
 
 
@@ -40,11 +46,17 @@ def scores(observer: str, ship: Ship, readings: Floats, truth: Floats, dt: float
     return variance_accounted_for(truth, estimate)
 
 
-def vaf_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
-    """VAF [%] of every row in every noiseless load case; the sea's column is a mean over seeds.
+def vaf_table(
+    tick: Callable[[], None] = lambda: None,
+) -> tuple[pd.DataFrame, pd.Series]:
+    """Return the VAF [%] of every row in every noiseless load case, and its spread over the seas.
 
     Args:
-        tick: called after each simulated record (:func:`records` tells how many).
+        tick: called after each simulated record (:func:`records` gives the number).
+
+    Returns:
+        Scores, rows by observer and columns by load case, of the sea the mean over seeds; and the
+        standard deviation of the sea's scores over the seeds, by observer.
     """
     frigate = load_ship("frigate")
     collected: dict[str, list[list[float]]] = {name: [] for name in COLUMNS}
@@ -55,9 +67,9 @@ def vaf_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
             [scores(name, frigate, readings, truth, frigate.time_step_s) for name in ROWS.values()]
         )
         tick()
-    return pd.DataFrame(
-        {name: np.mean(values, axis=0) for name, values in collected.items()}, index=list(ROWS)
-    )
+    means = {name: np.mean(values, axis=0) for name, values in collected.items()}
+    spread = np.std(collected[SEA], axis=0, ddof=1)
+    return pd.DataFrame(means, index=list(ROWS)), pd.Series(spread, index=list(ROWS))
 
 
 def _records() -> Iterator[tuple[LoadCase, int]]:
@@ -77,10 +89,32 @@ def whole_table(scores_by_case: pd.DataFrame) -> pd.DataFrame:
     return scores_by_case.assign(average=cells.mean(axis=1), sd=cells.std(axis=1))
 
 
-def _judge(row: str, column: str, text: str) -> Judged:
-    return Kind.FREE, half_digit(text, 2), "half a unit of the last printed digit"
+CHOSEN_BY = {
+    ("luenberger-low", "rack_step"),
+    ("immersion-invariance-low", "pitch_step"),
+    ("random-walk-kalman", "pitch_step"),
+}
+"""Scores by which the lengths of the two steps' records were chosen."""
 
 
-def cells(ours: pd.DataFrame) -> list[Cell]:
-    """Return the cells of Table 4-1 for our scores, from :func:`whole_table`."""
-    return compare("4-1", ours, published_text("advance_velocity_thesis_vaf"), _judge)
+def cells(
+    ours: pd.DataFrame, spread: pd.Series, reasons: dict[tuple[str, str], Reason] | None = None
+) -> list[Cell]:
+    """Return the cells of Table 4-1 for our scores, from :func:`whole_table`.
+
+    Args:
+        ours: scores, their means and standard deviations.
+        spread: standard deviation of the sea's scores, from :func:`vaf_table`.
+        reasons: calculated causes by (row, column), from :func:`.rounded_table.reasons`.
+    """
+    # 95 % of the differences of one sea's score from the mean of ours
+    wide = float(scipy.stats.t.ppf(0.975, SEA_SEEDS - 1)) * math.sqrt(1.0 + 1.0 / SEA_SEEDS)
+
+    def judge(row: str, column: str, text: str) -> Judged:
+        kind = Kind.CALIBRATED if (row, column) in CHOSEN_BY else Kind.FREE
+        if column == SEA:
+            return kind, half_digit(text, 2) + wide * float(spread[row]), IN_SEAS
+        return kind, half_digit(text, 2), "half a unit of the last printed digit"
+
+    theirs = published_text("advance_velocity_thesis_vaf").drop(columns="snr_db_for_95pct")
+    return compare("4-1", ours, theirs, judge, reasons)

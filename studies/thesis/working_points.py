@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from ...plant import Ship, equilibrium, load_ship
-from ..cells import Cell, Kind, half_digit
+from ..cells import Cell, Kind, half_digit, number
 from ..side_by_side import Judged, compare, published, published_text
 from .poles import models, sorted_numbers
 
@@ -14,37 +14,74 @@ TABLE = "advance_velocity_thesis_working_points"
 COLUMNS = ["shaft_speed_rad_s", "ship_speed_m_s", "advance_velocity_m_s", "engine_torque_N_m"]
 
 
+INPUTS = ["pitch_ratio", "fuel_rack_mm"]
+
+
+def _steady(ship: Ship, rack: float, pitch: float) -> list[float]:
+    found = equilibrium(ship, rack, pitch)
+    state, outputs = found.state, found.outputs
+    return [state.shaft_speed, state.ship_speed, outputs.advance_velocity, outputs.brake_torque]
+
+
 def working_points() -> pd.DataFrame:
-    """Our steady states at the thesis's inputs; rows A, B, C, D and base."""
-    frigate = load_ship("frigate")
-    table = published("advance_velocity_thesis_working_points")
+    """Return our steady states at the thesis's inputs; rows A, B, C, D and base."""
+    frigate, table = load_ship("frigate"), published(TABLE)
     rows = {}
     for point in table.index:
-        inputs = table.loc[point]
-        found = equilibrium(frigate, float(inputs["fuel_rack_mm"]), float(inputs["pitch_ratio"]))
-        rows[point] = [
-            found.state.shaft_speed,
-            found.state.ship_speed,
-            found.outputs.advance_velocity,
-            found.outputs.brake_torque,
-        ]
+        rack, pitch = (float(table.loc[point, name]) for name in ("fuel_rack_mm", "pitch_ratio"))
+        rows[point] = [pitch, rack, *_steady(frigate, rack, pitch)]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=[*INPUTS, *COLUMNS])
+
+
+def _spread() -> pd.DataFrame:
+    """Return by how much half a digit of the printed rack changes our steady states."""
+    frigate, texts = load_ship("frigate"), published_text(TABLE)
+    rows = {}
+    for point in texts.index:
+        rack, pitch = (texts.loc[point, name] for name in ("fuel_rack_mm", "pitch_ratio"))
+        # the base is chosen, not rounded: 22 mm of section 4-1
+        half = 0.0 if point == "base" else half_digit(rack)
+        ends = [_steady(frigate, float(rack) + by, float(pitch)) for by in (-half, half)]
+        rows[point] = 0.5 * np.abs(np.array(ends[1]) - np.array(ends[0]))
     return pd.DataFrame.from_dict(rows, orient="index", columns=COLUMNS)
 
 
-def _judge(row: str, column: str, text: str) -> Judged:
-    return Kind.FREE, half_digit(text), "half a unit of the last printed digit"
-
-
 def cells(ours: pd.DataFrame) -> list[Cell]:
-    """Return the cells of Table 2-1 for our steady states, from :func:`working_points`."""
-    return compare("2-1", ours, published_text(TABLE), _judge)
+    """Return the cells of Table 2-1 for our steady states, from :func:`working_points`.
+
+    The steady states are calibrated: the thesis does not print the number of blades, and five was
+    chosen by this table.
+    """
+    spread = _spread()
+
+    def judge(row: str, column: str, text: str) -> Judged:
+        if column in INPUTS:
+            return Kind.INPUT, half_digit(text), "half a unit of the last printed digit"
+        return (
+            Kind.CALIBRATED,
+            half_digit(text) + float(spread.loc[row, column]),
+            "half a unit of the last printed digit, and the change by half a digit of the printed rack",
+        )
+
+    return compare("2-1", ours, published_text(TABLE), judge)
+
+
+def said_cells(said_table: pd.DataFrame) -> list[Cell]:
+    """Return the cells of the changes of shaft speed that sections 4-1-1 and 4-1-2 print.
+
+    Args:
+        said_table: from :func:`said`.
+    """
+    return [
+        number(f"section 4-1-{i}", line.what, "", line.ours, float(line.printed),
+               half_digit(line.printed), "half a unit of the last printed digit")
+        for i, line in enumerate(said_table.head(2).itertuples(), 1)
+    ]  # fmt: skip
 
 
 SAID = """\
-The pitch step differs by 0.3 points, which is what a coarse table of KQ in P/D may cost. Of the gain
-from the inflow to the shaft speed section 2-7-3 says about 0 dB at 0.1 rad/s and about -20 dB at 4; what
-stands under *printed* is worked out from the poles, zero and gain of its Table 2-12, so at 4 rad/s the
-sentence speaks of the middle of a wide range."""
+Of the gain from the inflow to the shaft speed section 2-7-3 says about 0 dB at 0.1 rad/s and about
+-20 dB at 4. The numbers under *printed* follow from the poles, zero and gain of its Table 2-12."""
 
 
 def _of_table(point: str, frequency: float) -> float:
