@@ -22,6 +22,9 @@ import pandas as pd
 
 from ..display.tables import write_csv
 
+_FILE_ROUNDING = 1e-9
+"""Relative rounding of numbers in a file of cells."""
+
 
 class Kind(StrEnum):
     """What our model knew of a printed number."""
@@ -67,7 +70,8 @@ class Reason:
         """Check the fields."""
         if not math.isfinite(self.shift) or self.shift == 0.0:
             raise ValueError(f"a reason needs a finite shift that is not 0; got {self.shift!r}")
-        if self.within is not None and not 0.0 <= self.within <= 0.5 * abs(self.shift):
+        most = 0.5 * abs(self.shift) * (1.0 + _FILE_ROUNDING)
+        if self.within is not None and not 0.0 <= self.within <= most:
             raise ValueError(
                 f"a reason must explain most of a difference: within is {self.within:g}, "
                 f"at most {0.5 * abs(self.shift):g} (half of the shift) is allowed"

@@ -79,6 +79,7 @@ def test_a_file_keeps_every_verdict(tmp_path: Path) -> None:
         cell(4.0),
         cell(3.0, Reason("a slip", 0.8, within=0.21)),
         cell(math.nan),
+        cell(3.0, Reason("a slip", 2.0 / 3.0, within=1.0 / 3.0)),
         Cell("text", "margin [dB]", "", 31.0, 30.0, math.inf, "the words", words="at least 30"),
     ]
     study.write(tmp_path, "some", cells)
@@ -86,6 +87,7 @@ def test_a_file_keeps_every_verdict(tmp_path: Path) -> None:
     assert [one.verdict for one in read] == [one.verdict for one in cells]
     assert [one.print_text for one in read] == [one.print_text for one in cells]
     assert read[1].reason == cells[1].reason
+    assert read[3].reason is not None and read[3].reason.shift == pytest.approx(2.0 / 3.0)
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
