@@ -79,7 +79,7 @@ def test_a_file_keeps_every_verdict(tmp_path: Path) -> None:
         cell(4.0),
         cell(3.0, Reason("a slip", 0.8, within=0.21)),
         cell(math.nan),
-        cell(3.0, Reason("a slip", 2.0 / 3.0, within=1.0 / 3.0)),
+        cell(3.5, Reason("a slip", 2.0 / 3.0, within=1.0 / 3.0)),
         Cell("text", "margin [dB]", "", 31.0, 30.0, math.inf, "the words", words="at least 30"),
     ]
     study.write(tmp_path, "some", cells)
@@ -87,7 +87,8 @@ def test_a_file_keeps_every_verdict(tmp_path: Path) -> None:
     assert [one.verdict for one in read] == [one.verdict for one in cells]
     assert [one.print_text for one in read] == [one.print_text for one in cells]
     assert read[1].reason == cells[1].reason
-    assert read[3].reason is not None and read[3].reason.shift == pytest.approx(2.0 / 3.0)
+    assert read[3].reason is not None
+    assert read[3].reason.shift == pytest.approx(2.0 / 3.0)
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
@@ -152,15 +153,27 @@ def test_random_results_are_unexplained(file: Path) -> None:
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_our_results_on_other_cells_are_unexplained(file: Path) -> None:
-    """Our numbers permuted: explained in 3 % of cells, met no more often than any pair of cells."""
+    """Our numbers permuted: met no more often than any pair of cells, explained in 3 % of cells.
+
+    Of the explained, those count whose number is another: by more than a tenth of the table's range, for
+    two scores of 99.9 and 100 % are as good as each other.
+    """
     cells, generator = free_cells(file), np.random.default_rng(8)
     ours = np.array([one.ours for one in cells])
+    range_ = 0.1 * np.array([
+        np.ptp(spread([one for one in cells if one.table == cell.table])) for cell in cells
+    ])  # fmt: skip
     pairs = np.array([[one.low <= v <= one.high for v in ours] for one in cells])
     met = explained = 0.0
     for _ in range(DRAWS):
-        mixed = replaced(cells, generator.permutation(ours))
+        values = generator.permutation(ours)
+        mixed = replaced(cells, values)
         met += share(mixed, Verdict.MET) / DRAWS
-        explained += share(mixed, Verdict.EXPLAINED) / DRAWS
+        others = [
+            one for one, new in zip(mixed, np.abs(values - ours) > range_, strict=True) if new
+        ]
+        if others:
+            explained += share(others, Verdict.EXPLAINED) / DRAWS
     assert met <= pairs.mean() + 4.0 / math.sqrt(DRAWS * len(cells))
     assert explained <= 0.03
 
