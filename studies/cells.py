@@ -225,7 +225,7 @@ def _line(cell: Cell) -> dict[str, Any]:
 
 def write(folder: Path, name: str, cells: Iterable[Cell]) -> None:
     """Write ``cells/NAME.csv`` into a folder, one line a cell, so that :func:`read` returns them."""
-    write_csv(folder / "cells", name, pd.DataFrame([_line(cell) for cell in cells]), "%.12g")
+    write_csv(folder / "cells", name, pd.DataFrame([_line(cell) for cell in cells]), digits=12)
 
 
 def read(path: Path) -> list[Cell]:
