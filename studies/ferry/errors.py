@@ -24,8 +24,8 @@ from ...plant import Ship, load_ship
 from ...plant.hull import resistance
 from ...plant.open_water import REVOLUTIONS_PER_RADIAN
 from ...plant.shaft import drive_torque
-from .lever_points import WHOLE_ENVELOPE, lever_speeds, optimal
-from .lever_voyage import RISE, STEP_AT, voyage
+from .lever_points import WHOLE_ENVELOPE, lever_speeds, optimal, rises
+from .lever_voyage import STEP_AT, voyage
 
 SHIPS = ("ferry-printed", "ferry")
 ETA_R = "propeller.relative_rotative_efficiency"
@@ -120,11 +120,11 @@ def error_row(ship: Ship, error: Error) -> dict[str, float]:
     actual = ship.with_values({ETA_R: error.ship_eta_r})
     known = combinator_surface(actual, WHOLE_ENVELOPE)
     rows = []
-    for order in lever_speeds(ship)[:4]:
-        state = settled(ship, error, order, RISE)
+    for order, rise in list(zip(lever_speeds(ship), rises(), strict=True))[:4]:
+        state = settled(ship, error, order, rise)
         point = state.point
-        best = optimal(actual, known, point.ship_speed, RISE)
-        reference = settled(ship, Error(), order, RISE).point.ship_speed
+        best = optimal(actual, known, point.ship_speed, rise)
+        reference = settled(ship, Error(), order, rise).point.ship_speed
         assert best is not None
         rows.append(
             (

@@ -6,14 +6,25 @@ import math
 from typing import Any
 
 import pandas as pd
+import scipy
 from matplotlib.figure import Figure
 
 from ...baselines.steady_points import steady_point
 from ...display import figures
 from ...plant import Ship
-from ..side_by_side import UNEXPLAINED, published
-from .lever_points import COMBINATOR, CORRECTED, PAPERS, WHOLE_ENVELOPE, blade_angle, pitch_for
-from .lever_voyage import LEVER, RISE, STEP_AT
+from ..side_by_side import published
+from .lever_points import (
+    CALM,
+    COMBINATOR,
+    CORRECTED,
+    PAPERS,
+    RAISED,
+    WHOLE_ENVELOPE,
+    blade_angle,
+    pitch_for,
+    rises,
+)
+from .lever_voyage import LEVER, STEP_AT
 
 
 def paper_form(rows: pd.DataFrame, control: str, beside: bool) -> pd.DataFrame:
@@ -33,7 +44,7 @@ def paper_form(rows: pd.DataFrame, control: str, beside: bool) -> pd.DataFrame:
             ("engine_speed_rpm", "engine [rpm]", 0), ("pitch_deg", "pitch [deg]", 1),
             ("ship_speed_m_s", "ship [m/s]", 2), ("sfoc_g_kwh", "SFOC [g/kWh]", 1),
         ):  # fmt: skip
-            ours = [float(mine.loc[(c, lever), name]) for c in ("calm", "resistance +15 %")]
+            ours = [float(mine.loc[(c, lever), name]) for c in (CALM, RAISED)]
             printed = [float(theirs.loc[lever, f"{name}_{w}"]) for w in ("before", "after")]
             for when, value, number in zip(("", ", disturbed"), ours, printed, strict=True):
                 extra = f" ({number:.{digits}f})" if beside else ""
@@ -43,48 +54,6 @@ def paper_form(rows: pd.DataFrame, control: str, beside: bool) -> pd.DataFrame:
                 line["variation"] = f"{round(ours[1] - ours[0], 1) + 0.0:+.1f}{extra}"
         lines.append(line)
     return pd.DataFrame(lines)
-
-
-TOLERANCES = {"engine_speed_rpm": 30.0, "ship_speed_m_s": 0.055, "sfoc_g_kwh": 3.0}
-"""Up to which a printed number of Tables 1 to 3 counts as met; of the ship speed 0.05 m/s and half a
-printed digit.
-"""
-
-_FIVE = "lever 5 lies at the end of the states that the map is inferred from"
-_WHY = {
-    "engine_speed_rpm": "our combinator loses 0.04 to 0.05 m/s less, and the optimiser keeps up; at the "
-    "printed ship speeds it is within 13 rpm (the map's page)",
-    "sfoc_g_kwh": "the map gives way where its states are asked to be optima (its page)",
-    "ship_speed_m_s": UNEXPLAINED,
-}
-
-
-def beside_print(rows: pd.DataFrame) -> pd.DataFrame:
-    """Each printed number of Tables 1 to 3 with ours.
-
-    Args:
-        rows: of one ship and curve, from :func:`.lever_points.compared`.
-
-    Returns:
-        Columns table, lever, when, quantity, ours, printed, why; the last is empty where it is met.
-    """
-    found = rows.set_index(["control", "condition", "lever"])
-    lines = []
-    for control, printed in published(PAPERS).groupby(level=0, sort=False):
-        for _, row in printed.iterrows():
-            lever = int(row["condition"])
-            if lever not in set(rows["lever"]):
-                continue
-            for when, condition in (("before", "calm"), ("after", "resistance +15 %")):
-                for quantity, tolerance in TOLERANCES.items():
-                    ours = float(found.loc[(control, condition, lever), quantity])
-                    theirs = float(row[f"{quantity}_{when}"])
-                    why = ""
-                    if abs(ours - theirs) > tolerance:
-                        why = _FIVE if lever == len(printed) else _WHY[quantity]
-                    lines.append((control, lever, when, quantity, ours, theirs, why))
-    names = ["table", "lever", "when", "quantity", "ours", "printed", "why"]
-    return pd.DataFrame(lines, columns=names)
 
 
 def against_combinator(rows: pd.DataFrame) -> pd.DataFrame:
@@ -119,8 +88,8 @@ def implied_savings(ship: Ship) -> pd.DataFrame:
         for control in (COMBINATOR, CORRECTED):
             row = tables.loc[control].set_index("condition").loc[lever]
             shaft = float(row["engine_speed_rpm_after"]) * math.pi / 30.0 / gear
-            pitch = pitch_for(ship, shaft, float(row["ship_speed_m_s_after"]), RISE)
-            point = steady_point(ship, shaft, pitch, RISE)
+            pitch = pitch_for(ship, shaft, float(row["ship_speed_m_s_after"]), rises()[lever - 1])
+            point = steady_point(ship, shaft, pitch, rises()[lever - 1])
             power[control] = point.brake_torque * gear * shaft
             sfoc[control] = float(row["sfoc_g_kwh_after"])
             angle[control] = blade_angle(pitch), float(row["pitch_deg_after"])
@@ -140,17 +109,65 @@ def implied_savings(ship: Ship) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
+def asked_rises(ship: Ship) -> pd.DataFrame:
+    """Return the rise of resistance that Tables 1 and 2 ask for, each by itself.
+
+    Table 2 holds the thrust: (v0 / v1)^2. Table 1 holds shaft speed and pitch: the rise at which our
+    ferry, with its own propeller, slows from the printed speed before to the printed speed after. Where
+    both have one rise, the thrust at held shaft speed and pitch grows less with the loss of speed than
+    ours.
+
+    Args:
+        ship: the ferry, with a resistance that follows the square of the speed.
+
+    Returns:
+        One row per lever: rises [%], growth of the thrust [%] that Table 2's rise leaves for Table 1 and
+        that of our propeller, and the exponent k of the resistance that fits both tables with our
+        propeller, from growth = (speed after in Table 1 / in Table 2)^k, with its rise [%].
+    """
+    plain = published(PAPERS).loc[COMBINATOR].set_index("condition")
+    lines = []
+    for lever, rise in enumerate(rises(), 1):
+        before, after = (
+            float(plain.loc[lever, f"ship_speed_m_s_{w}"]) for w in ("before", "after")
+        )
+        shaft = float(plain.loc[lever, "engine_speed_rpm_before"]) * math.pi / 30.0
+        shaft /= ship.transmission.gear_ratio
+        pitch = pitch_for(ship, shaft, before, 1.0)
+
+        def missing(factor: float, at: tuple[float, ...] = (shaft, pitch, after)) -> float:
+            return steady_point(ship, at[0], at[1], factor).ship_speed - at[2]
+
+        asked = float(scipy.optimize.brentq(missing, 0.9, 1.5, xtol=1e-9))
+        squared = (after / before) ** 2
+        held = before / math.sqrt(rise)
+        exponent = math.log(asked * squared) / math.log(after / held)
+        lines.append(
+            {
+                "lever": str(lever),
+                "rise by Table 2 [%]": 100.0 * (rise - 1.0),
+                "rise by Table 1 [%]": 100.0 * (asked - 1.0),
+                "growth of thrust in Table 1 with the rise of Table 2 [%]": 100.0
+                * (rise * squared - 1.0),
+                "growth of thrust of our propeller [%]": 100.0 * (asked * squared - 1.0),
+                "exponent of the resistance that fits both [-]": exponent,
+                "its rise [%]": 100.0 * ((before / held) ** exponent - 1.0),
+            }
+        )
+    return pd.DataFrame(lines)
+
+
 def draw(rows: pd.DataFrame, sailed: dict[str, pd.DataFrame]) -> Figure:
     """Savings at the levers above, the voyage through the disturbance below."""
     figure, axes = figures.new_figure(2, 4, (16.0, 7.0))
     whole = rows[(rows["torque_allowed"] == WHOLE_ENVELOPE) & (rows["control"] == CORRECTED)]
-    disturbed = whole[whole["condition"] == "resistance +15 %"]
+    disturbed = whole[whole["condition"] == RAISED]
     styles = {"standard": "o-", "design": "s--", "printed": "^:"}
     for axis, ship in zip(axes[0], disturbed["ship"].unique(), strict=False):
         for i, (curve, line) in enumerate(disturbed[disturbed["ship"] == ship].groupby("curve")):
             axis.plot(line["lever"], line["saving_percent"], styles[str(curve)],
                       color=figures.PALETTE[i], label=f"against the {curve} curve")  # fmt: skip
-        axis.set_title(f"{ship}, resistance +15 %: fuel saved per mile [%]", fontsize=9)
+        axis.set_title(f"{ship}, {RAISED}: fuel saved per mile [%]", fontsize=9)
         axis.set_xlabel("lever", fontsize=9)
         axis.set_ylim(bottom=min(0.0, axis.get_ylim()[0]))
         axis.legend(fontsize=8, frameon=False)

@@ -17,9 +17,8 @@ from ...envs.frigate import FrigateEnv
 from ...envs.tasks import get_task
 from ...plant import Ship
 from ...plant.fuel import specific_consumption
-from .lever_points import COMBINATOR, CORRECTED, HELD, curves, lever_speeds, slowed
+from .lever_points import COMBINATOR, CORRECTED, HELD, curves, lever_speeds, rises, slowed
 
-RISE = 1.15  # resistance factor of the paper's tables
 LEVER, SECONDS, STEP_AT = 3, 600.0, 300.0
 MEANS_OVER = 100.0  # last seconds
 
@@ -31,7 +30,7 @@ def voyage(
     corrected: float,
     *,
     sea: str = "calm",
-    rise: float = RISE,
+    rise: float | None = None,
     observer: str = "oracle",
     noise: float | Mapping[str, float] = 0.0,
 ) -> pd.DataFrame:
@@ -43,7 +42,7 @@ def voyage(
         speed: ordered ship speed [m/s].
         corrected: order [m/s] from the step on.
         sea: that it sails in, head seas; calm water by default.
-        rise: resistance factor from the step on [-].
+        rise: resistance factor from the step on [-]; that of the middle lever by default.
         observer: of the advance velocity; the truth by default.
         noise: of the instruments, as ``sensor_noise`` of the environment; none by default.
 
@@ -53,9 +52,10 @@ def voyage(
     """
     still = {"resistance_rise": (0.0, 0.0), "resistance_swing": 0.0, "seas": (sea,)}
     task = get_task("transit").model_dump() | still
+    factor = rises()[LEVER - 1] if rise is None else rise
     # only the sea knows of the step
     heavier = ship.with_values(
-        {"hull.episode_resistance_fraction": rise - 1.0, "hull.episode_start_s": STEP_AT}
+        {"hull.episode_resistance_fraction": factor - 1.0, "hull.episode_start_s": STEP_AT}
     )
     env = FrigateEnv(
         ship=heavier, task=task, observer=observer, sensor_noise=noise, episode_s=SECONDS
@@ -94,7 +94,8 @@ def voyages(ship: Ship, tick: Callable[[], None] = lambda: None) -> dict[str, pd
     found = {COMBINATOR: voyage(ship, Combinator(ship, curve=curve), speed, speed)}
     tick()
     reached = float(found[COMBINATOR]["ship_speed_m_s"].iloc[-1])
-    for control, order in ((HELD, speed), (CORRECTED, reached * speed / slowed(ship, speed, RISE))):
+    held = slowed(ship, speed, rises()[LEVER - 1])
+    for control, order in ((HELD, speed), (CORRECTED, reached * speed / held)):
         found[control] = voyage(ship, CppOptimiser(ship), speed, order)
         tick()
     return found

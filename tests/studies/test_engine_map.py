@@ -7,13 +7,14 @@ import pytest
 
 from shaftline.plant import load_ship
 from shaftline.plant.fuel import specific_consumption
-from shaftline.studies.ferry import engine_map as study
+from shaftline.studies.ferry import engine_map as page
+from shaftline.studies.ferry import inferred_map as study
 from shaftline.studies.ferry.lever_points import COMBINATOR
 
 
 @pytest.fixture(scope="module")
 def known() -> study.States:
-    return study.states(load_ship(study.SHIP))
+    return study.states(load_ship(page.SHIP))
 
 
 def test_thirty_entries_of_twenty_states(known: study.States) -> None:
@@ -23,7 +24,7 @@ def test_thirty_entries_of_twenty_states(known: study.States) -> None:
 
 
 def test_the_ship_has_the_fitted_map(known: study.States) -> None:
-    ship = load_ship(study.SHIP)
+    ship = load_ship(page.SHIP)
     for key, value in study.keys(study.fitted(known)).items():
         assert ship.number(key).value == pytest.approx(value, abs=2e-6), key
     plant = ship.record()
@@ -36,19 +37,20 @@ def test_the_ship_has_the_fitted_map(known: study.States) -> None:
     assert found == pytest.approx(surface.tolist(), rel=1e-5)
 
 
-def test_forms_hold_the_entries_as_far_as_was_found() -> None:
-    """With the square of the speed: 0.22, 0.66 and 1.3 g/kWh wanted; a quadratic has 2.7 and 4.0."""
-    square = study.forms(study.states(load_ship("ferry"))).set_index("form")
-    paper = square.loc["the paper's form, 12"]
-    assert paper.tolist() == pytest.approx([0.20, 0.73, 1.38], abs=0.02)
-    assert square.iloc[0, 0] > 10.0 * paper.iloc[0]
+def test_consumption_asks_for_a_larger_rise_than_the_held_thrust() -> None:
+    """With 15 % more of the whole resistance: 0.20, 0.73 and 1.38 g/kWh; with Table 2's rise 1.55."""
+    ship = load_ship(page.SHIP)
+    whole = study.forms(study.states(ship, (1.15,) * 5)).set_index("form")
+    own = study.forms(study.states(ship)).set_index("form")
+    paper = "the paper's form, 12"
+    assert whole.loc[paper].tolist() == pytest.approx([0.20, 0.73, 1.38], abs=0.02)
+    assert own.loc[paper].iloc[0] == pytest.approx(1.55, abs=0.02)
 
 
-def test_the_optimiser_comes_near_the_printed_pairs() -> None:
-    found = study.chosen(load_ship(study.SHIP))
-    four = found[found["lever"] != "5"]
-    assert (four["engine [rpm]"] - four["printed [rpm]"]).abs().max() < 15.0
-    assert (four["SFOC [g/kWh]"] - four["printed [g/kWh]"]).abs().max() < 4.5
+def test_where_the_optimiser_goes() -> None:
+    found = page.chosen(load_ship(page.SHIP))
+    assert (found["engine [rpm]"] - found["printed [rpm]"]).abs().max() < 45.0
+    assert (found["SFOC [g/kWh]"] - found["printed [g/kWh]"]).abs().max() < 10.0
 
 
 def test_optima_are_stationary_points_of_the_fuel(known: study.States) -> None:

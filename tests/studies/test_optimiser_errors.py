@@ -9,12 +9,14 @@ from shaftline.baselines import CppOptimiser
 from shaftline.baselines.combinator_surface import combinator_surface
 from shaftline.baselines.open_water_fit import fit_open_water
 from shaftline.plant import load_ship
+from shaftline.studies.cells import Kind, Verdict
 from shaftline.studies.ferry import optimiser_page
 from shaftline.studies.ferry.errors import ERRORS, Error, error_row, settled
-from shaftline.studies.ferry.lever_points import WHOLE_ENVELOPE, lever_speeds
-from shaftline.studies.ferry.lever_voyage import STEP_AT, voyage
+from shaftline.studies.ferry.lever_points import WHOLE_ENVELOPE, lever_speeds, rises
+from shaftline.studies.ferry.lever_voyage import LEVER, STEP_AT, voyage
 
 FERRY = load_ship("ferry")
+RISE = rises()[LEVER - 1]
 
 
 def test_without_an_error_nothing_is_lost() -> None:
@@ -25,7 +27,7 @@ def test_without_an_error_nothing_is_lost() -> None:
 def test_steady_state_under_an_error_is_what_the_closed_loop_settles_at() -> None:
     """A torque read 2 % high, sailed with an observer that takes the curve for the torque."""
     order = lever_speeds(FERRY)[2]
-    told = settled(FERRY, ERRORS["torque read 2 % high"], order, 1.15)
+    told = settled(FERRY, ERRORS["torque read 2 % high"], order, RISE)
     ship = FERRY.with_values({"sensors.torque_gain": 1.02})
     log = voyage(ship, CppOptimiser(FERRY), order, order, observer="shaft-acceleration")
     end = log[log["time_s"] > STEP_AT + 200.0].mean()
@@ -36,13 +38,13 @@ def test_steady_state_under_an_error_is_what_the_closed_loop_settles_at() -> Non
 def test_errors_turn_with_their_sign() -> None:
     """Torque read high, or KQ believed low, means more thrust believed and a slower ship."""
     order = lever_speeds(FERRY)[2]
-    plain = settled(FERRY, Error(), order, 1.15).point.ship_speed
+    plain = settled(FERRY, Error(), order, RISE).point.ship_speed
     for name, sign in (
         ("torque read 2 % high", 1.0), ("torque read 2 % low", -1.0), ("KQ believed 3 % low", 1.0),
         ("KQ believed 3 % high", -1.0), ("eta_R 0.97, believed 1", 1.0),
         ("torque bias +1 % of the limit", 1.0),
     ):  # fmt: skip
-        state = settled(FERRY, ERRORS[name], order, 1.15)
+        state = settled(FERRY, ERRORS[name], order, RISE)
         assert sign * (state.thrust / state.point.thrust - 1.0) > 0.01, name
         assert sign * (state.advance_velocity / state.point.advance_velocity - 1.0) < -0.005, name
         assert sign * (state.point.ship_speed / plain - 1.0) < -0.005, name
@@ -83,3 +85,9 @@ def test_constraints_on_the_surface() -> None:
     speed = optimiser_page.NAMES.index("engine speed")
     assert set(held[top].tolist()) <= {torque, speed}
     assert len(set(held.ravel().tolist())) >= 3
+
+
+def test_the_papers_one_number_on_the_fit_is_a_cell() -> None:
+    cells = optimiser_page.cells_of(fit_open_water(FERRY))
+    assert [cell.verdict for cell in cells] == [Verdict.MET, Verdict.MET]
+    assert {cell.kind for cell in cells} == {Kind.CALIBRATED}
