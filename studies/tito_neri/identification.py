@@ -8,7 +8,7 @@ drive train that is known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -113,14 +113,15 @@ def rounding_of_column_one(draws: int = 300, seed: int = 0) -> pd.DataFrame:
     return pd.DataFrame(rows).agg(["std", "min", "max"])
 
 
-def column_four(ship: Ship | None = None) -> dict[str, float]:
+def column_four(ship: Ship | None = None, read: Mapping[str, float] = READ_OFF) -> dict[str, float]:
     """Table 5's column IV in closed form from the printed poles, zero and steady gains.
 
     Args:
         ship: whose water and propeller turn a torque into KQ; that of column IV by default.
+        read: other values than the printed ones.
     """
     own = load_ship(SETS["IV"]) if ship is None else ship
-    return parameters_of(from_poles(**READ_OFF, point=POINT_C), own)
+    return parameters_of(from_poles(**read, point=POINT_C), own)
 
 
 def table_five() -> pd.DataFrame:
