@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
-
 from ..display import figures
 from ..display.tables import write_table
 from ..plant import load_ship
 from .augmented_filter import destroyer, destroyer_page, esso_osaka, esso_osaka_page
 from .augmented_filter import page as filter_page
 from .augmented_filter import results as filter_results
-from .cells import Cell
 from .ferry import levers, optimiser_page
 from .ferry.lever_tables import against_combinator
 from .reproduced import Make, Reproduced, Tick
-from .side_by_side import Page, reasons, table
+from .side_by_side import Page, cell_table, reasons_text, verdicts
 from .steering import page as steering_page
 from .steering import results as steering_results
 from .storms import page as storm_page
@@ -42,14 +39,14 @@ def reproduce_storms(folder: Path, tick: Tick) -> Reproduced:
 
 def reproduce_levers(folder: Path, tick: Tick) -> Reproduced:
     """Tables 1 to 3 of the CPP optimiser paper."""
-    whole = levers.whole_envelope(levers.write(folder, tick))
+    rows, cells, words = levers.write(folder, tick)
+    whole = levers.whole_envelope(rows)
     keys = ["ship", "curve", "condition", "control", "lever"]
     numbers = {
         " / ".join(map(str, row[keys])): row.drop([*keys, "active"]).dropna().to_dict()
         for _, row in whole.iterrows()
     }
-    words = levers.findings(whole)
-    return Reproduced(levers.CHANGE, against_combinator(whole), words, numbers, ())
+    return Reproduced(levers.CHANGE, against_combinator(whole), words, numbers, cells)
 
 
 def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
@@ -65,16 +62,18 @@ def reproduce_tito_neri(folder: Path, tick: Tick) -> Reproduced:
         "Drive train of Tito Neri (Table 5)",
         five.assign(ours=[f"{value:.4g}" for value in five["ours"]],
                     printed=[f"{value:.3g}" for value in five["printed"]]),
-        "- see the page: rounding of Table 4, and poles read off a plot",
+        reasons_text(found.cells),
         {"table-5": numbers},
-        (),
+        found.cells,
     )  # fmt: skip
 
 
 def reproduce_augmented_filter(folder: Path, tick: Tick) -> Reproduced:
     """Falling body of Taylor 2000, and the same filter on the frigate."""
     found = filter_results.measured(tick)
-    name, body = "augmented-filter", filter_page.body(found)
+    cells = filter_page.cells_of(found)
+    name = "augmented-filter"
+    body = f"{filter_page.body(found)}\n\n{verdicts(name, cells)}"
     write_table(folder, name, filter_page.TITLE, f"shaftline reproduce {name}", found.falls, body)
     figures.save(filter_page.figure(found), folder / "figures" / f"{name}.png")
     numbers: dict[str, dict[str, float]] = {}
@@ -82,7 +81,7 @@ def reproduce_augmented_filter(folder: Path, tick: Tick) -> Reproduced:
         of = numbers.setdefault(f"falling body, beta {row['beta']:g}, {row['readings']}", {})
         of[str(row["quantity"])] = float(row["median"])
     shown = filter_page.story_table(found)
-    return Reproduced(filter_page.TITLE, shown, filter_page.WHY, numbers, ())
+    return Reproduced(filter_page.TITLE, shown, reasons_text(cells), numbers, cells)
 
 
 def reproduce_esso_osaka(folder: Path, tick: Tick) -> Reproduced:
@@ -96,26 +95,12 @@ def reproduce_destroyer(folder: Path, tick: Tick) -> Reproduced:
 
 
 def _page(name: str, title: str, page: Page, folder: Path) -> Reproduced:
-    shown = table(page.rows)
-    write_table(
-        folder, name, title, f"shaftline reproduce {name}", pd.DataFrame(page.rows), page.body
-    )
+    shown = cell_table(page.cells)
+    body = f"{page.body}\n\n{verdicts(name, page.cells)}"
+    write_table(folder, name, title, f"shaftline reproduce {name}", shown, body)
     for file, figure in page.figures.items():
         figures.save(figure, folder / "figures" / f"{file}.png")
-    cells = [
-        Cell(
-            title,
-            row.what,
-            "",
-            row.ours,
-            row.low,
-            row.high,
-            "as the page states",
-            words=row.printed,
-        )
-        for row in page.rows
-    ]
-    return Reproduced(title, shown, reasons(page.rows), page.numbers, cells)
+    return Reproduced(title, shown, reasons_text(page.cells), page.numbers, page.cells)
 
 
 def reproduce_autopilot(folder: Path, tick: Tick) -> Reproduced:

@@ -188,7 +188,7 @@ class Row(NamedTuple):
 class Page(NamedTuple):
     """A page's parts."""
 
-    rows: list[Row]
+    cells: list[Cell]
     body: str
     figures: dict[str, Figure]
     numbers: dict[str, Any]

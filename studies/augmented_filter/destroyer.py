@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ...plant import Ship, ShipError, approach, load_ship, zig_zag
+from ...plant import Nomoto, Ship, ShipError, approach, load_ship, nomoto, zig_zag
 from .zig_zag import (
     COEFFICIENTS,
     STEP_S,
@@ -118,6 +118,25 @@ def turn_of(ratios: Any) -> Turn | None:
         return None
 
 
+def steering() -> Nomoto:
+    """Return K and T of the surrogate at 22 knots."""
+    ship = load_ship("ddg-51-surrogate")
+    return nomoto(ship, approach(ship, SPEED))
+
+
+def slowest_pole(ratios: Any) -> float:
+    """Return the largest real part of the poles of sway and yaw of an identified ship [1/L].
+
+    Args:
+        ratios: its coefficients over the truth, shape (4,).
+
+    Raises:
+        ShipError: coefficients that no ship file may have.
+    """
+    ship = as_identified(ratios)
+    return max(pole.real for pole in nomoto(ship, approach(ship, SPEED)).poles)
+
+
 class Results(NamedTuple):
     """Of the three runs."""
 
@@ -146,6 +165,7 @@ def measured(tick: Callable[[], None]) -> Results:
             row: dict[str, Any] = {"run": name, "noise": noise, "seeds": len(runs)} | judged
             told = [tracked(run) for run in runs]
             row |= {key: _median([one[key] for one in told]) for key in told[0]}
+            row["slowest pole"] = slowest_pole(ratios[0]) if name == "a" else math.nan
             rows.append(row)
             if noise == HEADLINE:
                 drawn[name] = runs[0]

@@ -9,10 +9,12 @@ from matplotlib.figure import Figure
 
 from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
 from ...display.tables import markdown
-from ..side_by_side import Page, Row, reasons, table
+from ...plant import load_ship
+from ..cells import Cell, Kind, half_digit, number
+from ..side_by_side import Page, cell_table, published_text
 from . import esso_osaka
 from .esso_osaka import MINUTES, SEEDS, Results
-from .zig_zag import COEFFICIENTS, STEP_S
+from .zig_zag import COEFFICIENTS, STEP_S, coefficients
 
 TITLE = "Esso Osaka: four steering coefficients from a zig-zag (Taylor 2000, section 2.3)"
 
@@ -32,45 +34,80 @@ TURNING = """\
 as shares of the truth's; the last column counts seeds that found a ship which does not turn so."""
 
 
-def _rows(results: Results) -> list[Row]:
+def measures(results: Results) -> dict[str, float]:
+    """Return what stands beside the print, by the names of the JSON."""
     three, twenty = esso_osaka.at(results, 1e-8, 3), esso_osaka.at(results, 1e-4, 20)
     turns = results.turns.set_index(["R", "noise"])
     turn, coarse = turns.loc[(1e-4, 1e-2)], turns.loc[(1e-2, 1e-1)]
-    hundredth = esso_osaka.at(results, 1e-8, 20)["median error"]
     own = results.own_turn.diameter / results.truth_turn.diameter - 1.0
     ratios = np.abs(twenty[[*COEFFICIENTS]].to_numpy(dtype=float) - 1.0)
-    limited = (
-        "this is what the readings hold: with a hundredth of the noise the error is "
-        f"{100.0 * hundredth:.2g} %, a hundredth too"
-    )
+    shares = {
+        "worst_error_percent_3_min": three["median error"],
+        "worst_seed_error_percent_3_min": three["worst error"],
+        "worst_error_percent_20_min": twenty["median error"],
+        "worst_seed_error_percent_20_min": twenty["worst error"],
+        "bias_percent_20_min": ratios.max(),
+        "turn_diameter_error_percent": turn["median error"],
+        "turn_diameter_worst_seed_error_percent": turn["worst error"],
+        "turn_diameter_error_percent_3_min": abs(own),
+        "turn_diameter_error_percent_coarse": coarse["median error"],
+    }
+    found = {key: 100.0 * float(value) for key, value in shares.items()}
+    return found | {
+        "worst_error_percent_exact": _exact(results),
+        "headings_apart_deg": results.headings_apart_deg,
+    }
 
-    def share(key: str, what: str, value: float, printed: str, most: float, why: str = "") -> Row:
-        return Row(key, what, 100.0 * float(value), printed, 0.0, most, why)
 
+def cells_of(found: dict[str, float]) -> list[Cell]:
+    """Return the printed numbers and sentences with ours.
+
+    Args:
+        found: from :func:`measures`.
+    """
+    table = published_text("esso_osaka_coefficients")["value"]
+    ours = coefficients(load_ship("esso-osaka"))
+    cells = [
+        number("Table 2.3", name, "", value, float(table[name]), half_digit(table[name]),
+               "half a unit of the last printed digit", Kind.INPUT)
+        for name, value in zip(COEFFICIENTS, ours, strict=True)
+    ]  # fmt: skip
+    exact = "a plotted curve on its end value, read as 3 %"
+    converges = "about 3 minutes to the exact value"
+
+    def share(
+        where: str, what: str, key: str, words: str, most: float, basis: str, kind: Kind = Kind.FREE
+    ) -> Cell:
+        return Cell(where, what, "", found[key], 0.0, most, basis, kind, words=words)
+
+    line, five = "a plotted curve on its end value, read as 2 %", "the limit that the words name"
+    end, turn = "the exact value", "less than 5 %"
+    figure, circle = "Figure 2-4", "Figure 2-7"
     return [
-        share("worst_error_percent_3_min", "worst coefficient, 3 min, R = 1e-8 [%]",
-              three["median error"], "exact in about 3 min; 3 accepted", 3.0,
-              f"the print's R = 0.01 with exact readings gives {_exact(results):.0f} % then"),
-        share("worst_seed_error_percent_3_min", "the same, worst seed [%]", three["worst error"],
-              "the same", 3.0, "the thesis sails once"),
-        share("worst_error_percent_20_min", "worst coefficient, 20 min, R = 1e-4 [%]",
-              twenty["median error"], "exact; 2 accepted", 2.0, limited),
-        share("worst_seed_error_percent_20_min", "the same, worst seed [%]", twenty["worst error"],
-              "exact; 2 accepted", 2.0, "the same"),
-        share("bias_percent_20_min", "the same, of each coefficient's median over the seeds [%]",
-              ratios.max(), "exact; 2 accepted", 2.0, "no error that is common to all voyages"),
-        share("turn_diameter_error_percent", "diameter of the turn, 20 min, R = 1e-4 [%]",
-              turn["median error"], "within 5", 5.0),
-        share("turn_diameter_worst_seed_error_percent", "the same, worst seed [%]",
-              turn["worst error"], "within 5", 5.0),
-        share("turn_diameter_error_percent_3_min", "the same, 3 min, R = 1e-8 [%]", abs(own),
-              "within 5", 5.0),
-        share("turn_diameter_error_percent_coarse", "the same, 20 min, R = 0.01 and such noise [%]",
-              coarse["median error"], "within 5, R = 0.01 in all cases", 5.0,
-              "noise of the printed variance hides the sway"),
-        Row("headings_apart_deg", "zig-zag of the identified ship, heading off by at most [deg]",
-            results.headings_apart_deg, "indistinguishable", 0.0, 0.5,
-            f"identified in 3 min with R = 1e-8, sailed for {MINUTES[-1]}"),
+        *cells,
+        share(figure, "worst coefficient, 3 min, R = 1e-8 [%]", "worst_error_percent_3_min", converges,
+              3.0, exact, Kind.CALIBRATED),
+        share(figure, "worst coefficient of the worst seed, 3 min, R = 1e-8 [%]",
+              "worst_seed_error_percent_3_min", converges, 3.0, exact, Kind.CALIBRATED),
+        share(figure, "worst coefficient, 3 min, exact measurements, R = 0.01 [%]",
+              "worst_error_percent_exact", converges, 3.0, exact),
+        share(figure, "worst coefficient, 20 min, R = 1e-4 [%]", "worst_error_percent_20_min", end, 2.0,
+              line),
+        share(figure, "worst coefficient of the worst seed, 20 min, R = 1e-4 [%]",
+              "worst_seed_error_percent_20_min", end, 2.0, line),
+        share(figure, "median over the seeds, 20 min, R = 1e-4 [%]", "bias_percent_20_min", end, 2.0,
+              line),
+        share(circle, "diameter of the turn, 20 min, R = 1e-4 [%]", "turn_diameter_error_percent", turn,
+              5.0, five),
+        share(circle, "diameter of the worst seed, 20 min, R = 1e-4 [%]",
+              "turn_diameter_worst_seed_error_percent", turn, 5.0, five),
+        share(circle, "diameter, 3 min, R = 1e-8 [%]", "turn_diameter_error_percent_3_min", turn, 5.0,
+              five),
+        share(circle, "diameter, 20 min, R = 0.01 and such noise [%]",
+              "turn_diameter_error_percent_coarse", turn, 5.0, five),
+        share("Figure 2-5", "zig-zag of the identified ship, heading off by at most [deg]",
+              "headings_apart_deg", "very small error", 0.5,
+              "the width of a plotted line, read as 0.5 degrees of 10"),
     ]  # fmt: skip
 
 
@@ -88,7 +125,8 @@ def page(tick: Callable[[], None]) -> Page:
         tick: called :data:`.esso_osaka.TICKS` times.
     """
     results = esso_osaka.measured(tick)
-    rows = _rows(results)
+    found = measures(results)
+    cells = cells_of(found)
     twins = results.twins.assign(
         R=results.twins["R"].map("{:g}".format), noise=results.twins["noise"].map("{:g}".format)
     )
@@ -98,7 +136,7 @@ def page(tick: Callable[[], None]) -> Page:
     poles = results.poles
     body = "\n\n".join(
         [
-            INTRO, markdown(table(rows)), "Where they differ, and what they rest on:", reasons(rows),
+            INTRO, markdown(cell_table(cells)),
             "![Coefficients, zig-zag and turn](figures/esso-osaka.png)", "## Over time",
             "Estimate over truth, median of the seeds; errors: the worst of the four coefficients, as a "
             "share, of the seed in the middle and of the worst.", markdown(twins, 4),
@@ -116,13 +154,13 @@ def page(tick: Callable[[], None]) -> Page:
             "replaced: see `plant/ships/esso-osaka.toml`.",
         ]
     )  # fmt: skip
-    numbers = {row.key: row.ours for row in rows}
+    numbers = dict(found)
     for minutes, variance in ((3, 1e-8), (20, 1e-4)):
         own = esso_osaka.at(results, variance, minutes)
         numbers |= {f"{name} {minutes} min": float(own[name]) for name in COEFFICIENTS}
     numbers["turn_diameter_lengths"] = results.truth_turn.diameter
     numbers["turn_diameter_lengths_at_the_start"] = results.half_diameter
-    return Page(rows, body, {"esso-osaka": _figure(results)}, numbers)
+    return Page(cells, body, {"esso-osaka": _figure(results)}, numbers)
 
 
 def _figure(results: Results) -> Figure:

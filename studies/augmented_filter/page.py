@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from ...display.figures import PALETTE, TRUTH, new_figure
 from ...display.tables import markdown
+from ..cells import Cell
 from . import frigate
 from .falling_body import BELIEVED_BETA, STORY
 from .results import Results
@@ -15,8 +16,31 @@ from .results import Results
 TITLE = "Augmented Kalman filter: numbers found while a body falls and a frigate fouls"
 
 
-WHY = """\
-- The falling body's story holds with exact readings, and for the middle one of noisy seeds."""
+MEASURED = "noise of 10 ft, ten a second"
+"""How the position is measured where ours stands beside the print: with noise, as the thesis says."""
+
+WORDS = {
+    "velocity error from 2 s on [ft/s]": "very accurately",
+    "beta unchanged above 65 000 ft, within": "does not change much initially",
+    "beta at 12 s, within": "converges as the object enters the dense atmosphere",
+    "beta from 14 s on, within": "converges to the true value and remains there",
+}
+"""What the thesis says of figure A-2, by quantity of :data:`.falling_body.STORY`."""
+
+
+def cells_of(results: Results) -> list[Cell]:
+    """Return the sentences on figure A-2 with ours, the median of the seeds.
+
+    Args:
+        results: of the study.
+    """
+    falls = results.falls[results.falls["readings"] == MEASURED]
+    return [
+        Cell(f"Figure A-2, {line.quantity}", f"true beta {line.beta:g}", "", float(line.median), 0.0,
+             STORY[line.quantity], "our limit for the words, which name no number",
+             words=WORDS[line.quantity])
+        for line in falls.itertuples()
+    ]  # fmt: skip
 
 
 def story_table(results: Results) -> pd.DataFrame:
@@ -93,9 +117,10 @@ believed to be {BELIEVED_BETA:g} lb/ft2. The story: the velocity is known at onc
 air. Largest errors; medians, in parentheses the worst seed."""
 
 AFTER_BODY = """\
-With exact readings all of it holds. With the noise that the filter believes in, the middle one of the
-seeds keeps all limits but one: beta begins to move a little above 65 000 ft, the more the oftener it
-is measured. Single seeds leave the limits."""
+With exact readings all of it holds. With the noise that the filter believes in, the median of the seeds
+keeps the limits of the velocity and of beta at 12 s. It misses two limits a little: beta moves above
+65 000 ft, more so with more frequent measurements, and ends 5.3 to 5.6 % off with ten measurements a
+second. Single seeds leave all limits."""
 
 RECORDED = f"""\
 ## The frigate: two numbers from one recording

@@ -25,14 +25,12 @@ from ...plant import (
     State,
     Voyage,
     approach,
-    get_sea,
     linearise,
     load_ship,
-    realise,
 )
 from ...plant.stepping import UNDISTURBED
-from ...plant.surroundings import GRAVITY
-from ...plant.term_kernel import MAX_SIGNALS
+from . import waves
+from .waves import WaveForce
 
 SHIP = "ddg-51-surrogate"
 SPEED_M_S = 22.0 * 0.514444
@@ -46,9 +44,7 @@ TURN_DEG = 8.0  # of the dead-reckoned turns, a ship length: 90 degrees in about
 CHANGE_LENGTHS = 38.0  # of a track change: about eight minutes
 GUST_AT, LEFT_AT, BACK_AT, END_AT = 20.0, 60.0, 140.0, 220.0  # [ship lengths]
 CARRIED, MET = "carried", "met"
-REFLECTED = 0.02  # share of the waves' energy that the hull throws back; assumed, see `in_waves`
-DRIFT_ARM = 0.1  # of that force, before midship, in ship lengths; assumed
-DRIFT_S = 20.0  # over which the envelope is smoothed
+REFLECTED, WALL, ORBITAL = "reflected", "wall", "orbital"
 
 
 @functools.cache
@@ -186,14 +182,18 @@ def into_current() -> pd.DataFrame:
     )  # fmt: skip
 
 
-def two_turns() -> pd.DataFrame:
-    """90 degrees to port, and later back."""
+def two_turns(turn_deg: float = TURN_DEG) -> pd.DataFrame:
+    """90 degrees to port, and later back.
+
+    Args:
+        turn_deg: of the dead-reckoned turn in a ship length [deg].
+    """
     quarter = math.radians(90.0)
 
     def orders(way: float) -> tuple[float, float]:
         return (-quarter if 10.0 <= way < 50.0 else 0.0), 0.0
 
-    pilot = Autopilot(ship(), INTERVAL_S, SPEED_M_S, turn_deg=TURN_DEG)
+    pilot = Autopilot(ship(), INTERVAL_S, SPEED_M_S, turn_deg=turn_deg)
     return sailed(pilot, 90.0, orders)
 
 
@@ -206,15 +206,31 @@ def dead_reckoned(track: pd.DataFrame) -> NDArray[np.float64]:
     return np.column_stack([along, across])
 
 
-def track_change(current: str = CARRIED, reflected: float = 0.0, seed: int = 1) -> pd.DataFrame:
+def in_waves(kind: str, seed: int, heading_deg: float = waves.BEAM_DEG) -> tuple[Any, WaveForce]:
+    """Return the SEA record of state 4 and the force of its waves over the track changes.
+
+    Args:
+        kind: :data:`REFLECTED` or :data:`WALL` (second order), or :data:`ORBITAL` (first order).
+        seed: of the waves.
+        heading_deg: 0 following, 90 on the beam [deg].
+    """
+    record = waves.sea_from(ship(), heading_deg, seed)
+    seconds = END_AT * length_s() + 1.0
+    if kind == ORBITAL:
+        return record, waves.first_order(ship(), record, seconds, heading_deg, SPEED_M_S)
+    return record, waves.second_order(ship(), record, seconds, kind == WALL)
+
+
+def track_change(
+    current: str = CARRIED, sea: tuple[Any, WaveForce] | None = None, seed: int = 1
+) -> pd.DataFrame:
     """The cross-track controller in a beam current: a line two lengths to port, and back.
 
     Args:
         current: :data:`CARRIED`, which moves the ship aside and does nothing else, as the thesis has
             it; or :data:`MET`, which her hull meets.
-        reflected: share of the energy of a beam sea of state 4 that the hull throws back [-]; calm water
-            where it is 0.
-        seed: of noise and waves.
+        sea: from :func:`in_waves`; calm water by default.
+        seed: of the noise.
     """
     two = -2.0 * ship().manoeuvring.length_m
 
@@ -224,67 +240,7 @@ def track_change(current: str = CARRIED, reflected: float = 0.0, seed: int = 1) 
     keeper = TrackKeeper(ship(), INTERVAL_S, SPEED_M_S, change_lengths=CHANGE_LENGTHS)
     kind = "carried" if current == CARRIED else "gusts"
     more: dict[str, Any] = {kind: {GUST_AT: CURRENT_M_S}}
-    if reflected > 0.0:
-        more["vessel"], more["sea"], more["acting"] = in_waves(seed, reflected)
+    if sea is not None:
+        more["sea"] = sea[0]
+        more["vessel"], more["acting"] = waves.pushed(ship(), sea[1])
     return sailed(keeper, END_AT, orders, seed=seed, **more)
-
-
-def in_waves(seed: int, share: float = REFLECTED) -> tuple[Ship, Any, Callable[[float], Any]]:
-    """The surrogate in a beam sea of state 4, which drifts her slowly.
-
-    Waves of amplitude a push a wall that throws all of them back with rho g a^2 / 2 a metre (Maruo
-    1960); the share that this hull throws back is assumed. What is slower than :data:`DRIFT_S` remains,
-    as the thesis keeps only the low frequencies.
-
-    Args:
-        seed: of the waves.
-        share: of their energy that is thrown back [-].
-
-    Returns:
-        The ship that hears the force, the sea, and the disturbance by time [s].
-    """
-    sea = get_sea("state-4")
-    assert sea is not None
-    record = realise(sea.model_copy(update={"heading_deg": 90.0}), ship().propeller.depth_m, seed)
-    force = drift(record, END_AT * length_s() + 1.0, share)
-    arm = DRIFT_ARM * ship().manoeuvring.length_m
-    vessel = ship().with_values(
-        {
-            "signals": {"drift_force": "N"},
-            "term": [
-                {"id": "drift", "acts_on": "side_force", "expression": "drift_force",
-                 "also": {"yaw_moment": f"{arm!r} * drift_force"}}
-            ],
-        }
-    )  # fmt: skip
-
-    def acting(time: float) -> Any:
-        heard = (float(np.interp(time, *force)), *(0.0,) * (MAX_SIGNALS - 1))
-        return UNDISTURBED._replace(outside=heard)
-
-    return vessel, record, acting
-
-
-def drift(
-    sea: Any, seconds: float, share: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Time [s] and slow force of the waves on the hull, to starboard [N], each of shape (n,).
-
-    Args:
-        sea: SEA record.
-        seconds: how long.
-        share: of the waves' energy that is thrown back [-].
-    """
-    time = np.arange(0.0, seconds, 0.5)
-    phases = np.outer(time, sea["frequency"]) + sea["phase"]
-    peak = sea["frequency"][np.argmax(sea["amplitude"])]
-    envelope = np.abs(
-        (sea["amplitude"] * np.exp(1j * phases)).sum(axis=1) * np.exp(-1j * peak * time)
-    )
-    keep = math.exp(-0.5 / DRIFT_S)
-    slow = np.empty_like(time)
-    slow[0] = np.mean(envelope**2)
-    for k in range(1, len(time)):
-        slow[k] = keep * slow[k - 1] + (1.0 - keep) * envelope[k] ** 2
-    water = ship().water.density_kg_m3 * GRAVITY * ship().manoeuvring.length_m
-    return time, 0.5 * water * share * slow

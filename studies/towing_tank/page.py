@@ -11,6 +11,7 @@ import pandas as pd
 from ...baselines.thrust_control import ThrustControlTuning
 from ...display.tables import markdown
 from ...plant import load_ship
+from ..cells import Cell
 from ..side_by_side import Page, Row, reasons, table
 from .experiment import Air, Programme, TankRun
 from .figures import power_panels, with_panels, without_panels
@@ -249,7 +250,12 @@ def page(found: Results) -> Page:
         "towing-tank-without": without_panels(found.off),
         "towing-tank-power": power_panels(found),
     }
-    return Page(rows, body, figures, _numbers(found.pair, found.calm_numbers))
+    cells = [
+        Cell("Table 1", row.what, "", row.ours, row.low, row.high, "as the page states",
+             words=row.printed)
+        for row in rows
+    ]  # fmt: skip
+    return Page(cells, body, figures, _numbers(found.pair, found.calm_numbers))
 
 
 def _onset(found: Results, relative: float) -> float:

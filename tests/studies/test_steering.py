@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from shaftline.studies import reproduce
-from shaftline.studies.side_by_side import Row, reasons, table
-from shaftline.studies.steering import results, voyages
+from shaftline.studies.cells import Kind, Verdict
+from shaftline.studies.steering import page, results, voyages, waves
 
 
 def test_the_printed_numbers_of_the_autopilot() -> None:
@@ -20,8 +20,6 @@ def test_the_printed_numbers_of_the_autopilot() -> None:
     assert found["overshoot_percent"] == pytest.approx(4.81, abs=0.01)
     assert found["settling_lengths"] == pytest.approx(4.20, abs=0.01)
     assert found["gain_at_0.01_dB"] == pytest.approx(40.0, abs=0.01)
-    assert found["controller_gain_at_noise_dB"] == pytest.approx(8.1, abs=0.05)
-    assert found["plant_gain_at_noise_dB"] == pytest.approx(-33.1, abs=0.05)
 
 
 def test_forty_per_cent_wrong_is_still_under_control() -> None:
@@ -48,15 +46,72 @@ def test_a_track_change_in_the_carried_current() -> None:
     assert lines == pytest.approx([-2.0, 0.0], abs=0.005)
 
 
+def test_the_bound_is_decided_by_the_weight_that_is_not_printed() -> None:
+    found = results.bounds(results.thesis_loop(track=False))
+    assert found["first order"].missed == pytest.approx(1.0, abs=0.05)  # by construction
+    assert found["first order"].whole == pytest.approx(1.43, abs=0.005)
+    assert found["second order"].whole == pytest.approx(0.90, abs=0.005)
+    # the demand as it is worded, 1 % up to 0.01, leaves nothing for W2
+    assert found["held"].missed == pytest.approx(1.0, abs=1e-4)
+
+
+def test_one_frequency_of_the_noise_has_both_printed_gains() -> None:
+    found = results.autopilot_loop()
+    assert found["controller_gain_at_noise_dB"] == pytest.approx(8.0, abs=1e-6)
+    assert found["plant_gain_at_noise_dB"] == pytest.approx(-33.0, abs=0.5)
+    nine = results.robustness()
+    kinds = {cell.row: cell.kind for cell in page.autopilot_cells(_Anything(found), nine)}
+    assert kinds["controller's gain at the noise [dB]"] is Kind.CALIBRATED
+    assert kinds["plant's gain at the noise [dB]"] is Kind.FREE
+    assert kinds["largest |W1 S| + |W2 T|"] is Kind.CALIBRATED
+    assert kinds["time of the sweep [min]"] is Kind.CALIBRATED
+
+
+class _Anything(dict[str, float]):
+    """Numbers, with 1 for those that are not there."""
+
+    def __missing__(self, key: str) -> float:
+        return 1.0
+
+
+def test_a_track_that_hardly_moves_in_the_sea_does_not_count_as_met() -> None:
+    """20 yards are 0.129 lengths; 0.018 is "less than", and is not what the figure shows."""
+    at_sea = {name: _Anything(steady_amplitude_lengths=0.018) for name in results.TRACK_VOYAGES}
+    cell = page.track_cells(_Anything(), at_sea)[-1]
+    assert cell.printed == pytest.approx(20.0 * 0.9144 / (466.0 * 0.3048), abs=5e-4)
+    assert cell.verdict is Verdict.UNEXPLAINED
+
+
 def test_the_slow_force_of_waves_pushes_with_them() -> None:
-    """The mean of rho g L a^2 / 2 over a sea is rho g L Hs^2 / 16: Hs^2 is 8 mean squares of a."""
-    sea, density = voyages.in_waves(1)[1], voyages.ship().water.density_kg_m3
-    time, force = voyages.drift(sea, 40_000.0, 1.0)
-    expected = density * 9.81 * voyages.ship().manoeuvring.length_m * 1.88**2 / 16.0
-    assert force.mean() == pytest.approx(expected, rel=0.05)
-    assert np.all(force > 0.0)
-    changes = np.abs(np.diff(force)) / (time[1] - time[0])
-    assert changes.max() < force.max() / 10.0  # slow
+    """On a wall the mean of rho g L a^2 / 2 is rho g L Hs^2 / 16: Hs^2 is 8 mean squares of a."""
+    vessel = voyages.ship()
+    sea = waves.sea_from(vessel, waves.BEAM_DEG, 1)
+    force = waves.second_order(vessel, sea, 40_000.0, wall=True)
+    expected = vessel.water.density_kg_m3 * 9.81 * vessel.manoeuvring.length_m * 1.88**2 / 16.0
+    assert force.side_N.mean() == pytest.approx(expected, rel=0.05)
+    assert np.all(force.side_N > 0.0)
+    changes = np.abs(np.diff(force.side_N)) / waves.STEP_S
+    assert changes.max() < force.side_N.max() / 10.0  # slow
+    hull = waves.second_order(vessel, sea, 40_000.0)
+    assert 0.15 < hull.side_N.mean() / force.side_N.mean() < 0.3
+
+
+def test_a_barrier_reflects_short_waves_whole_and_long_ones_hardly() -> None:
+    """Ursell 1947: R = pi I1 / (pi^2 I1^2 + K1^2)^(1/2) at kd."""
+    share = waves.reflected(np.sqrt(9.81 * np.array([0.01, 0.5, 1.0, 5.0])), 1.0)
+    assert share == pytest.approx([0.000157, 0.4402, 0.9471, 1.0], rel=2e-3)
+
+
+def test_a_sea_from_the_quarter_meets_the_ship_slowly() -> None:
+    """w - w^2 U cos(heading) / g: the slow first-order force is large there, and small on the beam."""
+    vessel = voyages.ship()
+    moved = {}
+    for heading in (30.0, 90.0, 150.0):
+        sea = voyages.in_waves(voyages.ORBITAL, 1, heading)
+        moved[heading] = results.oscillation(voyages.track_change(sea=sea))[1]
+    assert vessel.manoeuvring.length_m == pytest.approx(142.0, abs=0.1)
+    assert moved[30.0] > 0.1 > 10.0 * moved[90.0]
+    assert moved[150.0] < 0.005
 
 
 @pytest.mark.slow
@@ -73,15 +128,6 @@ def test_the_pages(tmp_path: Path) -> None:
     assert made.numbers["gain_margin_dB"] == pytest.approx(21.57, abs=0.01)
     for name in ("autopilot", "track"):
         text = (tmp_path / f"{name}.md").read_text()
-        assert "| quantity | ours | printed | met |" in text
+        assert "| quantity | ours | printed | kind | verdict |" in text
         for kind in ("loop", "voyages"):
             assert (tmp_path / "figures" / f"{name}-{kind}.png").stat().st_size > 10_000
-
-
-def test_a_row_says_whether_it_is_met() -> None:
-    rows = [
-        Row("a", "x", 3.0, "about 3", 2.0, 4.0),
-        Row("b", "y", 5.0, "3", 2.0, 4.0, "z"),
-    ]
-    assert table(rows)["met"].tolist() == ["yes", "no"]
-    assert reasons(rows) == "- y: z"

@@ -18,6 +18,7 @@ from shaftline.studies.augmented_filter import (
     esso_osaka_page,
     zig_zag,
 )
+from shaftline.studies.cells import Kind, Verdict
 
 PRINTED = [0.0244, 0.0138, 1.4578e-3, 8.093e-4]
 """Table 2.3."""
@@ -143,9 +144,10 @@ def test_the_tanker_s_page(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in zig_zag.COEFFICIENTS:
         assert numbers[f"{name} 3 min"] == pytest.approx(1.0, abs=0.03)
         assert numbers[f"{name} 20 min"] == pytest.approx(1.0, abs=0.05)
-    by_key = {row.key: row for row in page.rows}
-    assert by_key["worst_error_percent_3_min"].met
-    assert by_key["headings_apart_deg"].ours < 0.5
+    kinds = {cell.row: cell.kind for cell in page.cells}
+    assert kinds["-Yv"] is Kind.INPUT
+    assert kinds["worst coefficient, 3 min, R = 1e-8 [%]"] is Kind.CALIBRATED  # R was chosen
+    assert numbers["headings_apart_deg"] < 0.5
     assert "| 0.01 | 0 | 3 | 1 | 0.4286 | 0.6880 | 0.4229 | 0.6848 |" in page.body
     assert len(page.figures["esso-osaka"].axes) == 4
 
@@ -213,17 +215,25 @@ def test_the_destroyer_s_page(monkeypatch: pytest.MonkeyPatch) -> None:
     ticks: list[None] = []
     page = destroyer_page.page(lambda: ticks.append(None))
     assert len(ticks) == destroyer.TICKS
-    assert 5.0 < page.numbers["turn_tighter_percent"] < 25.0
+    # near 9, where the thesis has about 15: not met
+    assert 8.0 < page.numbers["turn_tighter_percent"] < 10.0
     assert page.numbers["speed_loss_percent"] == pytest.approx(19.1, abs=0.1)
     assert page.numbers["revolutions_loss_percent"] == pytest.approx(10.8, abs=0.1)
     assert set(page.numbers["runs"]) == {
         f"{run}, noise {noise:g}" for run in "abc" for noise in destroyer.NOISES
     }
-    met = {row.key: row.met for row in page.rows}
-    assert met["sway_error_share_percent"]
-    assert met["yaw_error_share_percent"]
-    # what the thesis saw and this plant does not do
-    assert not met["turn_tighter_percent_without_noise_believed_in"]
-    assert not met["turn_tighter_percent_noisy"]
+    cells = {cell.row: cell for cell in page.cells}
+    for name in ("sway", "yaw"):
+        assert cells[f"rms error of the {name} over its rms [%]"].verdict is Verdict.MET
+    # the surrogate was scaled to these
+    for name in ("K [-]", "T [L]", "speed lost in the plant's turn [%]"):
+        assert cells[name].kind is Kind.CALIBRATED
+        assert cells[name].verdict is Verdict.MET
+    # what the thesis has and this plant does not
+    tighter = "turn of the identified ship tighter than the plant's [%]"
+    for name in (
+        tighter, f"{tighter}, noise of 0.01", "slowest pole of the ship identified in run (a) [1/L]",
+    ):  # fmt: skip
+        assert cells[name].verdict is Verdict.UNEXPLAINED
     assert len(page.figures["destroyer"].axes) == 6
     assert "nan" not in page.body

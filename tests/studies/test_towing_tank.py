@@ -57,11 +57,6 @@ def test_page_has_every_row(tmp_path: Path) -> None:
     found = results.measured(lambda: ticks.append(1))
     assert len(ticks) == results.TICKS
     made = page.page(found)
-    calibrated = [row.key for row in made.rows if row.why == page.CALIBRATED]
-    assert calibrated == ["calibrated_thrust", "calibrated_power", "calibrated_efficiency"]
-    assert "calibrated | – |" in made.body.replace("| – | calibrated |", "calibrated | – |")
-    assert "does not have" not in made.body
-    near = next(row for row in made.rows if row.key == "near")
-    assert near.met == (0.85 <= found.pair.near <= 1.15)
+    assert {cell.table for cell in made.cells} == {"Table 1"}
     assert set(made.numbers["ratios"]) == {"thrust", "power", "eta_E"}
     assert len(made.figures) == 4
