@@ -76,7 +76,9 @@ class _Anything(dict[str, float]):
 
 def test_a_track_that_hardly_moves_in_the_sea_does_not_count_as_met() -> None:
     """20 yards are 0.129 lengths; 0.018 is "less than", and is not what the figure shows."""
-    at_sea = {name: _Anything(steady_amplitude_lengths=0.018) for name in results.TRACK_VOYAGES}
+    at_sea: dict[str, dict[str, float]] = {
+        name: _Anything(steady_amplitude_lengths=0.018) for name in results.TRACK_VOYAGES
+    }
     cell = page.track_cells(_Anything(), at_sea)[-1]
     assert cell.printed == pytest.approx(20.0 * 0.9144 / (466.0 * 0.3048), abs=5e-4)
     assert cell.verdict is Verdict.UNEXPLAINED
