@@ -222,7 +222,7 @@ class AugmentedKalman(Observer):
         record["tracks"] = _CODES[self.tracks]
         number = ship.number(self.tracks)
         record["number"] = number.value
-        record["lowest"], record["highest"] = number.info.low, number.info.high
+        record["lowest"], record["highest"] = number.searched
         record["gain"] = 1.0 / self.inflow_time_s
         unit = {_FOULING: 1.0, _COULOMB: torque, _VISCOUS: torque / speed}[_CODES[self.tracks]]
         gauge = dt * (torque * self.torque_noise_share / inertia) ** 2  # it drives omega' directly

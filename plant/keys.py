@@ -167,16 +167,24 @@ def require(section: BaseModel, keys: tuple[str, ...], because: str, before: str
             )
 
 
+INSIDE = 1e-3
+"""Share of the way from an excluded bound to a number that a search keeps away from the bound."""
+
+
 class KeyInfo(NamedTuple):
-    """Unit and range of a ship's number; ``neutral`` is None where it describes no effect."""
+    """Unit and range of a ship's number; ``neutral`` is None where it describes no effect.
+
+    ``above`` and ``below`` say that the lowest and the highest value are themselves not allowed. Values
+    between 0 and ``gap`` are time constants that the time step cannot resolve.
+    """
 
     unit: str
     low: float
     high: float
     neutral: float | None
-    gap: float = (
-        0.0  # values between 0 and this are time constants that the time step cannot resolve
-    )
+    above: bool = False
+    below: bool = False
+    gap: float = 0.0
 
     def inside(self, value: float) -> float:
         """Return the nearest value that the ship can have: within the range and outside the gap."""
@@ -184,6 +192,17 @@ class KeyInfo(NamedTuple):
         if 0.0 < value < self.gap:
             return self.gap if value >= 0.5 * self.gap else 0.0
         return value
+
+    def around(self, value: float) -> tuple[float, float]:
+        """Return the lowest and the highest value that a search may try, both of them allowed.
+
+        Args:
+            value: from which the search starts, in the key's unit; inside the range or infinite.
+        """
+        value = value if math.isfinite(value) else self.low + 1.0
+        low = self.low + INSIDE * (value - self.low) if self.above else self.low
+        high = self.high - INSIDE * (self.high - value) if self.below else self.high
+        return low, high
 
 
 class Number(NamedTuple):
@@ -194,6 +213,11 @@ class Number(NamedTuple):
     info: KeyInfo
     field: str  # of the record
     place: tuple[int, ...] = ()  # in a field that holds several
+
+    @property
+    def searched(self) -> tuple[float, float]:
+        """Lowest and highest value that a search from here may try; a ship's file allows both."""
+        return self.info.around(self.value)
 
     def write(self, record: Any, value: float) -> None:
         """Put another value into a record: what ``with_values`` does, without its checks.
@@ -211,15 +235,18 @@ class Number(NamedTuple):
 
 
 def info_of(info: FieldInfo) -> KeyInfo:
-    """Unit, range and neutral value of a number; a bound may itself be excluded (> or <)."""
-    low, high = -INF, INF
-    for limit in info.metadata:
-        low = max(low, getattr(limit, "ge", -INF), getattr(limit, "gt", -INF))
-        high = min(high, getattr(limit, "le", INF), getattr(limit, "lt", INF))
+    """Unit, range and neutral value of a number, and which bounds are excluded (> or <)."""
+    ends = {
+        name: [getattr(limit, name) for limit in info.metadata if hasattr(limit, name)]
+        for name in ("ge", "gt", "le", "lt")
+    }
+    low, high = max((-INF, *ends["ge"], *ends["gt"])), min((INF, *ends["le"], *ends["lt"]))
     extra = info.json_schema_extra
     effect = isinstance(extra, dict) and "effect" in extra
     neutral = float(info.default) if effect else None
-    return KeyInfo(unit_of(info), float(low), float(high), neutral)
+    return KeyInfo(
+        unit_of(info), float(low), float(high), neutral, low in ends["gt"], high in ends["lt"]
+    )
 
 
 def allowed_range(info: FieldInfo) -> str:

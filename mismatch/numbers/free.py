@@ -105,9 +105,8 @@ class Free:
         """Lowest and highest values that a search may try: within the file's, and within a factor of
         50 of a number that has a size.
         """
-        sized, infos = self.start != 0.0, [number.info for number in self.numbers]
-        low = np.array([info.low for info in infos])
-        high = np.array([info.high for info in infos])
+        sized = self.start != 0.0
+        low, high = np.array([number.searched for number in self.numbers]).T
         wide = 50.0 * np.abs(self.start)
         bottom = np.where((low >= 0.0) & sized, np.abs(self.start) / 50.0, -np.inf)
         top = np.where(sized, np.maximum(wide, np.abs(self.start)), np.inf)
@@ -121,7 +120,7 @@ class Free:
         """From values to others, but at most nine tenths of the way to a bound that is beyond."""
         found = []
         for number, here, there in zip(self.numbers, values, wanted, strict=True):
-            low, high = number.info.low, number.info.high
+            low, high = number.searched
             if there <= low:
                 there = low + 0.1 * (here - low)
             elif there >= high:

@@ -82,7 +82,8 @@ class Numbers:
         found = {}
         for key, change in zip(self.keys, self._changes @ fit.tolerances, strict=True):
             number = self.fitter.trial_ship.ship.number(key)
-            found[key] = float(number.info.inside(number.value + change))
+            value = float(np.clip(number.value + change, *number.searched))
+            found[key] = number.info.inside(value)
         return found
 
     def shifts(self, fit: Fit) -> dict[str, float]:

@@ -77,12 +77,12 @@ class TrialShip:
         return of
 
     def range_of(self, parameter: Parameter) -> tuple[float, float]:
-        """Lowest and highest value of a parameter."""
+        """Return the lowest and the highest value of a parameter that a ship's file allows."""
         return self._range(parameter.number(self.ship))
 
     def _range(self, number: Number) -> tuple[float, float]:
         """A delay is no longer than the plant looks back at the recording's time step."""
-        low, high = number.info.low, number.info.high
+        low, high = number.searched
         late = number.key in self.ship.sensors.delays | self.ship.prime_mover.delays
         return low, min(high, self._longest_s) if late else high
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, TypeAdapter
 
+from shaftline.plant import load_ship, ship_names
 from shaftline.plant.keys import (
     KeyInfo,
     MissingKeyError,
@@ -39,12 +40,12 @@ FIELDS = Part.model_fields
 @pytest.mark.parametrize(
     ("key", "info"),
     [
-        ("plain", ("m", 0.0, 15.0, None)),
-        ("upper", ("-", -0.2, 0.6, None)),
-        ("free", ("-", -math.inf, math.inf, None)),
-        ("absent", ("1/s", 0.0, math.inf, math.inf)),
-        ("outside", ("-", 2.0, 7.0, None)),
-        ("bare", ("-", -math.inf, math.inf, None)),
+        ("plain", ("m", 0.0, 15.0, None, True, False)),
+        ("upper", ("-", -0.2, 0.6, None, False, True)),
+        ("free", ("-", -math.inf, math.inf, None, False, False)),
+        ("absent", ("1/s", 0.0, math.inf, math.inf, True, False)),
+        ("outside", ("-", 2.0, 7.0, None, False, False)),
+        ("bare", ("-", -math.inf, math.inf, None, False, False)),
     ],
 )
 def test_a_key_has_unit_range_and_neutral_value(key: str, info: tuple[Any, ...]) -> None:
@@ -116,3 +117,40 @@ def test_a_number_is_written_to_its_place_and_read_from_it(place: tuple[int, ...
     number = Number("part.plain", 3.0, KeyInfo("m", 0.0, 15.0, None), "length", place)
     number.write(record, 4.0)
     assert number.read(record) == np.sum(record["length"]) == 4.0
+
+
+@pytest.mark.parametrize("value", [1e-6, 3.0, 15.0])
+def test_a_search_keeps_off_an_excluded_bound_only(value: float) -> None:
+    low, high = Number("part.plain", value, info_of(FIELDS["plain"]), "length").searched
+    assert 0.0 < low <= 0.01 * value
+    assert high == 15.0
+    assert Part(plain=low).plain == low
+    low, high = Number("part.upper", 0.1, info_of(FIELDS["upper"]), "share").searched
+    assert low == -0.2
+    assert 0.59 < high < 0.6
+
+
+def test_a_search_from_an_absent_limit_has_a_finite_end() -> None:
+    low, high = Number("part.absent", math.inf, info_of(FIELDS["absent"]), "limit").searched
+    assert 0.0 < low < 0.01
+    assert high == math.inf
+
+
+@pytest.mark.parametrize("name", ship_names())
+def test_every_end_of_every_key_that_a_search_may_try_is_allowed(name: str) -> None:
+    """Each by its own declaration: what two keys must have in common is not asked here."""
+    ship, tried = load_ship(name), 0
+    for section in type(ship).model_fields:
+        table = getattr(ship, section)
+        if not isinstance(table, Section):
+            continue
+        for key, field in type(table).model_fields.items():
+            value = getattr(table, key)
+            if not isinstance(value, float) or not ship.has_key(f"{section}.{key}"):
+                continue
+            own = TypeAdapter(Annotated[float, key, *field.metadata])
+            for end in ship.number(f"{section}.{key}").searched:
+                if math.isfinite(end):
+                    assert own.validate_python(end) == end, f"{section}.{key}"
+                    tried += 1
+    assert tried > 40
