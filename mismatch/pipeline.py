@@ -8,11 +8,10 @@ aside.
 
 from __future__ import annotations
 
+import itertools
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
@@ -44,14 +43,17 @@ from .numbers.start import Start, widened
 from .numbers.wrong import wrong_numbers
 from .options import Options
 from .progress import Tick, silent
-from .recordings.joint import JointRecordings, Recorded, load_jointly
+from .recordings.joint import JointRecordings, Recorded, load_each, load_jointly, refuse_twice
 from .recordings.loading import turned
+from .recordings.overlap import refuse_shared
 from .search.catalogue import applicable
 from .search.fitting import Fitter
 from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
 from .setting import Settings
+
+ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
 
 
 def diagnose(
@@ -65,8 +67,8 @@ def diagnose(
 
     Args:
         ship: the nominal ship; or what :func:`begin` made of it, where several are diagnosed alike.
-        recordings: to be fitted, together: files (CSV or Parquet), which are checked; what
-            ``load_recording`` made of them; or tables with canonical columns at an even interval.
+        recordings: to be fitted, together: files (CSV or Parquet) or tables, which pass the same
+            checks; or what ``load_recording`` made of them.
         hold_out: likewise, set aside to judge on; without any, a quarter of the longest is set aside.
         options: column map, ids to leave out, tolerance; a healthy period, numbers that are free.
         tick: told the stage, how much is done, and how much there is.
@@ -83,17 +85,18 @@ def diagnose(
     """
     file = ship.file if isinstance(ship, Start) else ship
     options.check(file)
-    if twice := {*_paths(options.calibrate)} & {*_paths((*recordings, *hold_out))}:
-        raise ValueError(
-            f"{min(twice)} is given twice: calibrate on another period than is diagnosed"
-        )
-    together = load_jointly(file, recordings, hold_out, options.columns, tick, options.signals)
+    refuse_twice((*recordings, *hold_out))
+    refuse_twice(options.calibrate, (*recordings, *hold_out), ANOTHER_PERIOD)
+    fitted, held = len(recordings), len(hold_out)
+    sources = (*recordings, *hold_out, *options.calibrate)
+    loaded = load_each(file, sources, options.columns, tick, options.signals)
+    healthy = loaded[fitted + held :]
+    together = load_jointly(file, loaded[:fitted], loaded[fitted : fitted + held])
+    for one, other in itertools.product(loaded[: fitted + held], healthy):
+        refuse_shared(one, other, ANOTHER_PERIOD)
+    options = replace(options, calibrate=tuple(healthy))
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)
     return _diagnosed(start, together, options, tick)
-
-
-def _paths(sources: Sequence[Recorded]) -> list[Path]:
-    return [Path(os.path.realpath(source)) for source in sources if isinstance(source, str | Path)]
 
 
 def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:

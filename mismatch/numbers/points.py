@@ -11,7 +11,7 @@ from ...plant.columns import COLUMNS, SHAFT_SPEED, TIME, drive_column
 from ...plant.recording import RecordingError, as_numbers, check_bounds
 from ...plant.ship import Ship
 from ..recordings.joint import Recorded
-from ..recordings.load import Recording, read_mapped
+from ..recordings.load import TABLE, Recording, read_mapped
 
 
 def points_of(
@@ -46,10 +46,8 @@ def points_of(
 def _table(ship: Ship, source: Recorded, columns: str | Path | None) -> pd.DataFrame:
     if isinstance(source, Recording):
         return source.table
-    if isinstance(source, pd.DataFrame):
-        return source
-    path = Path(source)
-    raw, _ = read_mapped(path, ship, columns)
+    path = Path(TABLE) if isinstance(source, pd.DataFrame) else Path(source)
+    raw, _ = read_mapped(source, ship, columns)
     if TIME in raw:
         return raw
     if not set(raw) & set(COLUMNS):  # then it is no table of points either

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +11,12 @@ from typing import TypeAlias
 
 import pandas as pd
 
-from ...plant.columns import TIME
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from ..progress import Tick, silent
 from .checks import TOO_SHORT, too_short
-from .load import Recording, load_recording
+from .load import TABLE, Recording, load_recording
+from .overlap import refuse_overlap
 
 LEAST_ROWS = 40
 """Of all recordings that are fitted together, so that there is something to fit and to set aside."""
@@ -24,8 +25,10 @@ LEAST_OF_ONE = 10
 """Of each: parts of a voyage in which the ship sails straight may be as short as this."""
 
 Recorded: TypeAlias = str | Path | Recording | pd.DataFrame
-"""A CSV or Parquet file; what :func:`.load_recording` made of one; or a table with canonical columns at
-an even interval, all finite, which is taken as it is."""
+"""A CSV or Parquet file; a table, which passes the same checks; or what :func:`.load_recording` made of
+either."""
+
+NOT_TWICE = "what is set aside must not be fitted, and nothing counts twice: give each stretch once"
 
 
 @dataclass(frozen=True)
@@ -67,22 +70,17 @@ def load_jointly(
 
     Raises:
         RecordingError: a recording or the column map cannot be used; names file, column and row.
-            Or too few rows: of one of them, or of all that is fitted.
+            Or too few rows: of one of them, or of all that is fitted. Or two of them hold the same
+            stretch of a voyage, be it under two names.
         ValueError: nothing to fit, or a file that is given twice.
     """
     sources = [*fitted, *held_out]
     if not fitted:
         raise ValueError("no recording to fit: give at least one that is not set aside")
-    paths = [Path(source) for source in sources if isinstance(source, str | Path)]
-    twice = [path for i, path in enumerate(paths) if path in paths[:i]]
-    if twice:
-        raise ValueError(f"{twice[0]} is given twice; what is set aside must not be fitted")
-    loaded = []
-    for done, source in enumerate(sources):
-        tick("reading and checking", done, len(sources))
-        loaded.append(_loaded(source, ship, columns, signals))
-    tick("reading and checking", len(sources), len(sources))
+    refuse_twice(sources)
+    loaded = load_each(ship, sources, columns, tick, signals)
     refuse_few(loaded[: len(fitted)])
+    refuse_overlap(loaded, NOT_TWICE)
     limits, warnings = _said(loaded[: len(fitted)], loaded, ship)
     heard = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
@@ -101,22 +99,69 @@ def refuse_few(recordings: Sequence[Recording]) -> None:
         raise RecordingError(f"{names}: {rows} rows; at least {LEAST_ROWS} are needed")
 
 
-def _loaded(
-    source: Recorded, ship: Ship, columns: str | Path | None, signals: Mapping[str, str]
-) -> Recording:
-    if isinstance(source, Recording):
-        recording = source
-    elif isinstance(source, pd.DataFrame):
-        interval = float(source[TIME].diff().mean())
-        heard = {n: unit for n, unit in {**signals, **ship.signals}.items() if n in source}
-        recording = Recording(Path("table"), source, interval, {}, signals=heard)
-    else:
-        recording = load_recording(source, ship, columns, signals)
-    if len(recording) < LEAST_OF_ONE:
-        raise RecordingError(
-            f"{recording.source}: {len(recording)} rows; at least {LEAST_OF_ONE} are needed of each"
-        )
-    return recording
+def refuse_twice(
+    sources: Sequence[Recorded], others: Sequence[Recorded] = (), why: str = NOT_TWICE
+) -> None:
+    """Refuse a file or a table that is given twice, before any is read.
+
+    Args:
+        sources: none of which may stand among them, or among the others, again.
+        others: any number.
+        why: it must not, as the end of the message.
+
+    Raises:
+        ValueError: names it.
+    """
+    known: set[object] = {_identity(source) for source in others}
+    for source in sources:
+        own = _identity(source)
+        if own in known:
+            name = source if isinstance(source, str | Path) else TABLE
+            raise ValueError(f"{name} is given twice; {why}")
+        known.add(own)
+
+
+def _identity(source: Recorded) -> object:
+    return os.path.realpath(source) if isinstance(source, str | Path) else id(source)
+
+
+def load_each(
+    ship: Ship,
+    sources: Sequence[Recorded],
+    columns: str | Path | None = None,
+    tick: Tick = silent,
+    signals: Mapping[str, str] = MappingProxyType({}),
+) -> list[Recording]:
+    """Read and check recordings, each for itself.
+
+    Args:
+        ship: the nominal ship.
+        sources: files, tables and recordings that were checked before.
+        columns: column map of the files, or none.
+        tick: told how many are read.
+        signals: as of :func:`load_jointly`.
+
+    Raises:
+        RecordingError: as of :func:`load_jointly`.
+    """
+    tables = sum(isinstance(source, pd.DataFrame) for source in sources)
+    loaded: list[Recording] = []
+    numbered = 0
+    for done, source in enumerate(sources):
+        tick("reading and checking", done, len(sources))
+        if isinstance(source, Recording):
+            recording = source
+        else:
+            numbered += isinstance(source, pd.DataFrame)
+            name = f"{TABLE} {numbered}" if tables > 1 else TABLE
+            recording = load_recording(source, ship, columns, signals, name)
+        if len(recording) < LEAST_OF_ONE:
+            raise RecordingError(
+                f"{recording.source}: {len(recording)} rows; at least {LEAST_OF_ONE} are needed of each"
+            )
+        loaded.append(recording)
+    tick("reading and checking", len(sources), len(sources))
+    return loaded
 
 
 def _said(

@@ -40,6 +40,9 @@ from .spikes import without_spikes
 from .time_base import filled, on_even_time, spread
 from .yardstick import Yardstick
 
+TABLE = "table"
+"""Name of a recording in messages that is no file."""
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -91,15 +94,16 @@ class Recording:
 
 
 def load_recording(
-    path: str | Path,
+    source: str | Path | pd.DataFrame,
     ship: Ship,
     columns: str | Path | None = None,
     signals: Mapping[str, str] = MappingProxyType({}),
+    name: str = TABLE,
 ) -> Recording:
     """Read a recording and check it against the ship that made it.
 
     Args:
-        path: CSV or Parquet file, one row a sample.
+        source: CSV or Parquet file, one row a sample; or such a table, which passes the same checks.
         ship: the nominal ship; its end stops, and what it does under the recording's demands, tell
             another unit, a turned sign and swapped names from real differences.
         columns: TOML file that maps foreign names, units and signs (:mod:`.columns`); without it
@@ -107,6 +111,7 @@ def load_recording(
             are left out.
         signals: units of columns that are kept as signals for terms where the file has them, by name,
             besides those of the ship and of the column map.
+        name: of a table, in messages.
 
     Returns:
         The recording on an even time base. A recording too short or too dull to decide anything is
@@ -119,8 +124,8 @@ def load_recording(
             samples; an angle that begins anew with every turn; a channel that is dead, in another unit,
             of the other sign or under another's name.
     """
-    path = Path(path)
-    raw, mapped = read_mapped(path, ship, columns)
+    path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
+    raw, mapped = read_mapped(source, ship, columns, name)
     layout = raw.attrs.get("layout")
     warnings = [f"read as a table with {words}"] if layout and (words := layout.words()) else []
     warnings += raw.attrs.get("remarks", [])
@@ -155,22 +160,33 @@ def load_recording(
 
 
 def read_mapped(
-    path: Path, ship: Ship, columns: str | Path | None = None
+    source: str | Path | pd.DataFrame,
+    ship: Ship,
+    columns: str | Path | None = None,
+    name: str = TABLE,
 ) -> tuple[pd.DataFrame, dict[str, str]]:
-    """A file's table under canonical names and units, not yet checked; and units of its signals.
+    """A recording's table under canonical names and units, not yet checked; and units of its signals.
 
     Args:
-        path: text, spreadsheet or Parquet file.
+        source: text, spreadsheet or Parquet file; or a table, to which the column map applies where it
+            has one of the map's columns.
         ship: whose limits tell what percent of a range are.
         columns: column map, or none.
+        name: of a table, in messages.
 
     Raises:
         RecordingError: file or map cannot be used.
     """
-    if columns is None:
-        return read_table(path), {}
-    given = load_map(columns)
-    raw = read_table(path, given.file.model_dump(exclude_none=True))
+    given = None if columns is None else load_map(columns)
+    if isinstance(source, pd.DataFrame):
+        path, raw = Path(name), source
+        if given is not None and not set(given.sources) & set(raw):
+            given = None
+    else:
+        path = Path(source)
+        raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
+    if given is None:
+        return raw, {}
     units = {source.signal: source.unit_in_expressions for source in given.signals.values()}
     mapped = given.apply(path, raw, ranges_of(ship))
     mapped.attrs = raw.attrs | {"remarks": list(given.remarks(ranges_of(ship)))}

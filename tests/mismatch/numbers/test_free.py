@@ -47,7 +47,8 @@ def test_what_cannot_be_free_is_named(frigate: Ship, keys: tuple[str, ...], word
 
 def test_a_step_stops_short_of_a_bound(frigate: Ship) -> None:
     free = Free(frigate, (MASS, "transmission.efficiency"))
-    low = free.numbers[0].info.low
+    low = free.numbers[0].searched[0]
+    assert free.numbers[0].info.low < low < 0.01 * 3e6
     found = free.towards((3e6, 0.95), (-1e6, 0.97))
     assert found == [pytest.approx(low + 0.1 * (3e6 - low)), 0.97]
     assert free.towards((3e6, 0.95), (2e6, 1.2))[1] == pytest.approx(0.995)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -10,6 +11,8 @@ import pytest
 from shaftline.mismatch import Recording
 from shaftline.mismatch.recordings.joint import LEAST_ROWS, load_jointly
 from shaftline.plant import RecordingError, Ship
+
+from .trials import voyage
 
 
 def recording(name: str, limits: tuple[str, ...] = (), warnings: tuple[str, ...] = ()) -> Recording:
@@ -22,14 +25,14 @@ def test_files_recordings_and_tables_go_together(
 ) -> None:
     calm.to_csv(tmp_path / "a.csv", index=False)
     told: list[tuple[str, int, int]] = []
-    checked = recording("b.csv")
+    checked, later = recording("b.csv"), voyage(frigate, seed=8)
     found = load_jointly(
-        frigate, [str(tmp_path / "a.csv"), checked], [calm], tick=lambda *said: told.append(said)
+        frigate, [str(tmp_path / "a.csv"), checked], [later], tick=lambda *said: told.append(said)
     )
     assert found.held_out == 1
-    pd.testing.assert_frame_equal(found.tables[0], calm)
     assert found.tables[1] is checked.table
-    assert found.tables[2] is calm
+    for table, given in ((found.tables[0], calm), (found.tables[2], later)):
+        pd.testing.assert_frame_equal(table, given)
     assert told == [("reading and checking", i, 3) for i in range(4)]
     assert (found.limits, found.warnings) == ([], [])
 
@@ -85,18 +88,19 @@ def test_what_cannot_be_fitted_is_refused(frigate: Ship, tmp_path: Path) -> None
         load_jointly(frigate, [], [recording("a.csv")])
     with pytest.raises(ValueError, match=r"a\.csv is given twice"):
         load_jointly(frigate, [tmp_path / "a.csv"], [str(tmp_path / "a.csv")])
-    table = recording("b.csv").table
-    load_jointly(frigate, [table])
-    with pytest.raises(RecordingError, match="table: 39 rows; at least 40 are needed"):
-        load_jointly(frigate, [table.iloc[1:]])
+    b = recording("b.csv")
+    load_jointly(frigate, [b])
+    with pytest.raises(RecordingError, match=r"b\.csv: 39 rows; at least 40 are needed"):
+        load_jointly(frigate, [replace(b, table=b.table.iloc[1:])])
 
 
-def test_short_parts_of_a_voyage_count_together(frigate: Ship) -> None:
-    table = recording("a.csv").table
-    parts = [table.iloc[:10], table.iloc[10:20], table.iloc[20:]]
+def test_short_parts_of_a_voyage_count_together(frigate: Ship, calm: pd.DataFrame) -> None:
+    parts = [calm.iloc[:10], calm.iloc[10:20], calm.iloc[20:40]]
     assert len(load_jointly(frigate, parts).tables) == 3
     # what is set aside does not count
-    with pytest.raises(RecordingError, match="table and table: 20 rows; at least 40 are needed"):
+    with pytest.raises(
+        RecordingError, match="table 1 and table 2: 20 rows; at least 40 are needed"
+    ):
         load_jointly(frigate, parts[:2], parts[2:])
-    with pytest.raises(RecordingError, match="table: 9 rows; at least 10 are needed of each"):
-        load_jointly(frigate, [table, table.iloc[:9]])
+    with pytest.raises(RecordingError, match="table 2: 9 rows; at least 10 are needed of each"):
+        load_jointly(frigate, [calm, calm.iloc[:9]])

@@ -19,9 +19,11 @@ NOISE = {
 COLUMNS = ["fuel_rack_mm", "pitch_ratio_command", *NOISE]
 
 
-def voyage(ship: Ship, sea: str | None = None, seconds: float = 180.0) -> pd.DataFrame:
+def voyage(
+    ship: Ship, sea: str | None = None, seconds: float = 180.0, seed: int = 1
+) -> pd.DataFrame:
     """A recording at 10 Hz of a ship whose rack and pitch step, with noisy instruments."""
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(seed)
     time = ship.time_step_s * np.arange(round(seconds / ship.time_step_s))
     rack, pitch = 18.0 + 6.0 * (time // 40 % 2), 1.3 - 0.2 * (time // 60 % 2)
     waves = get_sea(sea) if sea else None
