@@ -5,10 +5,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import scipy
+
 from ..plant.ship import Ship
 
 HALF_95 = 1.96
 """Half of a normal variable's 95 % interval, in standard errors."""
+
+
+def half_95(freedom: float) -> float:
+    """Return half of a 95 % interval, in standard errors (Student's t).
+
+    Args:
+        freedom: degrees of freedom of the standard error; infinite where it is known.
+    """
+    if math.isinf(freedom):
+        return HALF_95
+    return float(scipy.stats.t.ppf(0.975, max(freedom, 1.0)))
 
 
 @dataclass(frozen=True)
@@ -24,6 +37,7 @@ class Estimate:
         standard_error: by the noise of the recording, in ``unit``.
         form_error: by which the form of a model, which is never quite the truth's, may have moved the
             value, in ``unit``; widens the interval.
+        freedom: degrees of freedom of the standard error: from how much data it is itself known.
     """
 
     key: str
@@ -33,6 +47,7 @@ class Estimate:
     neutral: float
     standard_error: float
     form_error: float = 0.0
+    freedom: float = math.inf
 
     @classmethod
     def of(
@@ -73,8 +88,8 @@ class Estimate:
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """95 % interval, in ``unit``."""
-        half = math.hypot(HALF_95 * self.standard_error, self.form_error)
+        """95 % interval, in ``unit``; by Student's t where the error is known from little."""
+        half = math.hypot(half_95(self.freedom) * self.standard_error, self.form_error)
         return self.value - half, self.value + half
 
     def to_dict(self) -> dict[str, float | list[float]]:

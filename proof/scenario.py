@@ -20,7 +20,7 @@ from .reality.effects import BENCH
 from .reality.governed import bench_orders, run_bench_governed, sail_governed, sail_held
 from .reality.instruments import read
 from .reality.numbers import Numbers
-from .reality.sail import StalledError, sail
+from .reality.sail import StalledError, restless, sail
 from .reality.water import calm, head_sea
 from .variants import CLOSED_LOOP, LOGGED_S, calibrated_numbers, true_numbers
 
@@ -128,7 +128,7 @@ class Scenario:
         else:
             sea = self.waves if waves else calm()
             own = numbers if waves else numbers | {"wind": 0.0}
-            way = sail_held if case.variant == CLOSED_LOOP else sail
+            way = sail_held if restless(self.drive) else sail
             truth = way(own, self.drive, self.pitch, case.period, waves=sea,
                          wind_seed=case.programme_seed)  # fmt: skip
         return read(truth, numbers, case.period, None)

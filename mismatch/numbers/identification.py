@@ -148,6 +148,7 @@ class Identification:
                 e.key: {
                     "value": e.value, "se": e.standard_error, "ci95": list(e.ci95),
                     "unit": e.unit, "before": e.neutral,
+                    "degrees_of_freedom": e.freedom,
                 }
                 for e in self.estimates
             },

@@ -89,8 +89,18 @@ def _identification(
         ship=ship,
         identified=identified,
         estimates=tuple(
-            Estimate(n.key, v, n.info.unit, (n.info.low, n.info.high), n.value, float(e))
-            for n, v, e in zip(free.numbers, found.values, found.standard_errors, strict=True)
+            Estimate(
+                n.key,
+                v,
+                n.info.unit,
+                (n.info.low, n.info.high),
+                n.value,
+                float(e),
+                freedom=float(f),
+            )  # fmt: skip
+            for n, v, e, f in zip(
+                free.numbers, found.values, found.standard_errors, found.degrees, strict=True
+            )
         ),
         correlation=found.correlation,
         tables=found.tables,

@@ -8,6 +8,7 @@ squares problem (Vrijdag & Martelli 2021, eqs. 16-17, with the residual's own co
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -152,25 +153,52 @@ class OutputError:
         return np.asarray(found.shares[: len(reach)] * reach)
 
     def _information(self, fit: Fit, columns: Any) -> NDArray[np.float64]:
-        """Of the numbers and the tolerances together.
+        """Of the numbers and the tolerances together."""
+        return self.fitter.likelihood.information(self._weight(fit), columns)
+
+    @functools.cached_property
+    def _spare(self) -> NDArray[np.float64]:
+        """Frequencies of each band beyond those that its covariance takes up, shape (bands,)."""
+        balances = len(self.fitter.balances.names)
+        return np.asarray(np.maximum(self._counts - balances, 1.0))
+
+    @functools.cached_property
+    def _counts(self) -> NDArray[np.float64]:
+        bands = self.fitter.bands
+        return np.asarray(np.add.reduceat(bands.weights, bands.edges[:-1]))
+
+    def _weight(self, fit: Fit) -> Any:
+        """The inverse covariances, made smaller by what estimating them costs.
 
         A band's covariance is estimated from what is left itself. From n frequencies and for m
         balances its inverse comes out too large by n / (n - m) on average (a complex Wishart
         variable; Brillinger 1981, section 4.2), and weighing with an estimate costs as much again.
         """
-        bands, balances = self.fitter.bands, fit.weight.shape[1]
-        counts = np.add.reduceat(bands.weights, bands.edges[:-1])
-        sure = (np.maximum(counts - balances, 1.0) / counts) ** 2
-        return self.fitter.likelihood.information(fit.weight * sure[:, None, None], columns)
+        return fit.weight * ((self._spare / self._counts) ** 2)[:, None, None]
 
-    def covariance(self, values: Sequence[float], fit: Fit) -> NDArray[np.float64]:
-        """Of the numbers' errors, the tolerances of the others included, shape (n, n)."""
+    def covariance(
+        self, values: Sequence[float], fit: Fit
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the covariance of the numbers' errors, and from how much data it is known.
+
+        The tolerances of the other numbers are included.
+
+        Returns:
+            The covariance, shape (n, n), and the degrees of freedom of each variance, shape (n,): those
+            of the bands by their shares in it (Satterthwaite 1946). What a tolerance adds is known.
+        """
         columns = self.columns(values, fit)  # twice: the steps are then those of this place
-        information = self._information(fit, self.columns(values, fit))
-        count = len(columns)
+        columns = self.columns(values, fit)
+        count, weight = len(columns), self._weight(fit)
+        by_band = self.fitter.likelihood.information_by_band(weight, columns)
+        information = self.fitter.likelihood.information(weight, columns)
         scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
         inverse = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
-        return np.asarray((inverse / np.outer(scale, scale))[:count, :count])
+        inverse = np.asarray(inverse / np.outer(scale, scale))[:count]
+        told = np.einsum("ik,bkl,il->ib", inverse, by_band, inverse)
+        shares = told / np.maximum(np.diag(inverse), 1e-300)[:, None]
+        freedom = 1.0 / np.maximum(np.sum(shares**2 / (2.0 * self._spare), axis=1), 1e-12)
+        return inverse[:, :count], freedom
 
     def _note(self, values: Sequence[float], fit: Fit) -> None:
         self.steps.append(
@@ -194,7 +222,7 @@ def output_error(
     """
     search = OutputError(fitter, free, tick)
     values, fit = search.search(start)
-    covariance = search.covariance(values, fit)
+    covariance, freedom = search.covariance(values, fit)
     colour = Whiteness(fitter, fitter.balances.replay.noise_rms).colour(fit)
     remarks: tuple[str, ...] = ()
     if colour is not None:
@@ -212,6 +240,7 @@ def output_error(
         {"search": pd.DataFrame(search.steps)},
         remarks,
         fit.score,
+        freedom=freedom,
     )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
+import scipy
 from threadpoolctl import threadpool_limits
 
 from ...plant.ship import Ship
@@ -16,6 +17,7 @@ from ..judge.held_out import Segments, bands_of, set_aside
 from ..progress import Tick, silent
 from ..recordings.joint import Recorded, load_jointly
 from ..search.fitting import Fitter
+from ..search.selection import TELL_APART
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from ..simulate.linear_replay import LinearReplay
@@ -194,8 +196,9 @@ def _by_output_error(
 ) -> Found:
     """Up to the frequency that tells of the numbers, with demands held between rows or as lines.
 
-    Whichever leaves less: the wrong one is half an interval late or early, which inertia and friction
-    then make up for. The frequency is that at what was found, as the ship's own numbers may mislead.
+    The wrong one is half an interval late or early, which inertia and friction then make up for; so
+    where the likelihood leaves it open, what the other one finds widens the errors. The frequency is
+    that at what was found, as the ship's own numbers may mislead.
     """
     ship = work.balances.replay.ship
     runs = [run.table for run in work.balances.replay.runs]
@@ -216,12 +219,15 @@ def _by_output_error(
             for some in ways
         )  # fmt: skip
         gain = drawn.score - held.score
-        found = drawn if gain > 0.0 else held
+        # held ones, which a controller's are, unless it is clear; as in a diagnosis
+        ahead = gain - TELL_APART
+        found, other = (drawn, held) if ahead > 0.0 else (held, drawn)
         values = found.values
         steps.append(found.tables["search"].assign(highest_Hz=highest))
     refuse_untold(found, free)
+    found = found.beside(other, float(scipy.special.expit(-0.5 * abs(ahead))))
     tables = {"search": pd.concat(steps, ignore_index=True)}
-    if found is held:
+    if ahead <= 0.0:
         return replace(found, tables=tables)
     said = (
         "the demands are taken as straight lines between rows, which fits better than held ones: "

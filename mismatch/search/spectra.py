@@ -263,9 +263,21 @@ class Likelihood:
         Returns:
             Shape (c + k, c + k).
         """
+        prior = np.diag([0.0] * len(columns) + [1.0] * self.shape[0])
+        return np.asarray(self.information_by_band(weight, columns).sum(axis=0) + prior)
+
+    def information_by_band(self, weight: Complex, columns: Complex) -> NDArray[np.float64]:
+        """Return what each band adds to the information, without the prior.
+
+        Args:
+            weight: inverse covariance by band.
+            columns: shape (c, m, frequencies).
+
+        Returns:
+            Shape (bands, c + k, c + k).
+        """
         c = len(columns)
         k, m = self.shape
         flat = np.concatenate([columns.reshape(c * m, self._flat.shape[1]), self._flat])
         products = moments(self.bands, flat, flat).reshape(-1, c + k, m, c + k, m)
-        gram = 2.0 * np.einsum("bpq,blqkp->kl", weight, products).real
-        return np.asarray(gram + np.diag([0.0] * c + [1.0] * k))
+        return np.asarray(2.0 * np.einsum("bpq,blqkp->bkl", weight, products).real)

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import scipy
 from numpy.random import Generator
 from numpy.typing import NDArray
 
@@ -20,6 +19,12 @@ from .numbers import NEUTRAL, Numbers
 Floats = NDArray[np.float64]
 PROGRAMMES = ("steps", "staircase", "sines", "reversals")
 CALM_PROGRAMME = "steady"
+
+SUBSTEPS = 50
+"""Of a sample: 2 ms where a sample is a tenth of a second."""
+
+SETTLING = 600
+"""Tenths of a second at the first demand before the record begins."""
 
 SHIP_FILE = """\
 # A small electric thruster on a bench, assumed: the size of a work-class underwater vehicle's.
@@ -135,37 +140,28 @@ def _motor(volt: float, y: Any, n: Any, rate: Any) -> Any:
 
 
 @compiled
-def rates(t: float, y: Any, n: Any, volts: Any, period: float) -> Any:
-    """Time derivative of shaft speed, flow, heat and the cogging's angle.
+def step_held(volt: float, y: Any, n: Any, period: float, k: Any) -> None:
+    """Advance shaft speed, flow, heat and the cogging's angle over a sample at a held demand, in place.
 
-    Each demand is held over its sample. Small steps of it are drawn out to a line through ``volts`` at
-    the samples' middles, which brings the shaft to the same speed at their ends (:func:`_drawn_out`) and
-    does not halt the integration.
+    By the classical Runge-Kutta method in :data:`SUBSTEPS` steps.
     """
-    place = min(max(t / period - 0.5, 0.0), len(volts) - 1.0)
-    k = min(int(place), max(len(volts) - 2, 0))
-    following = volts[min(k + 1, len(volts) - 1)]
-    rate = np.zeros(4)
-    _motor(volts[k] + (place - k) * (following - volts[k]), y, n[0], rate)
-    return rate
-
-
-def _drawn_out(volts: Floats) -> Floats:
-    """Corners at the samples' middles of a line whose mean over each sample is the demand held there."""
-    if len(volts) < 2:
-        return volts
-    bands = np.full((3, len(volts)), 0.125)
-    bands[1] = 0.75
-    bands[1, [0, -1]] = 0.875  # level from the middle of the first and the last sample outwards
-    return np.asarray(scipy.linalg.solve_banded((1, 1), bands, volts))
+    h = period / SUBSTEPS
+    for _ in range(SUBSTEPS):
+        _motor(volt, y, n, k[0])
+        _motor(volt, y + 0.5 * h * k[0], n, k[1])
+        _motor(volt, y + 0.5 * h * k[1], n, k[2])
+        _motor(volt, y + h * k[2], n, k[3])
+        y += h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3])
 
 
 @compiled
-def _currents(states: Any, n: Any, volts: Any) -> Any:
-    out, rate = np.zeros(len(volts)), np.zeros(4)
-    for k in range(len(volts)):
-        out[k] = _motor(volts[k], states[k], n[0], rate)
-    return out
+def _held(volts: Floats, start: Any, ship: Any, period: float, states: Any, currents: Any) -> None:
+    """Fill states and currents at the samples."""
+    y, k = start.copy(), np.zeros((4, len(start)))
+    for sample in range(len(volts)):
+        states[sample] = y
+        currents[sample] = _motor(volts[sample], y, ship[0], k[0])
+        step_held(volts[sample], y, ship[0], period, k)
 
 
 def run_bench(numbers: Numbers, volts: Floats, period: float) -> pd.DataFrame:
@@ -180,33 +176,20 @@ def run_bench(numbers: Numbers, volts: Floats, period: float) -> pd.DataFrame:
     for name, value in numbers.items():
         record[name] = value
     demand = np.clip(volts, -numbers["volt_high"], numbers["volt_high"])
-    times = np.arange(len(volts)) * period
-    still = np.full(2, demand[0])
-    first = scipy.integrate.solve_ivp(
-        rates, (0.0, 60.0), np.zeros(4), "LSODA", args=(record, still, 60.0)
-    )
-    state = first.y[:, -1]
-    state[2:] = 0.0
-    states = np.empty((len(times), 4))
-    edges = np.flatnonzero(np.abs(np.diff(demand)) > 2.0) + 1
-    for begin, end in zip([0, *edges], [*edges, len(times) - 1], strict=True):
-        if begin == end:
-            continue
-        part = scipy.integrate.solve_ivp(
-            rates, (0.0, (end - begin) * period), state, method="RK45", rtol=1e-5, atol=1e-5,
-            t_eval=np.arange(end - begin + 1) * period,
-            args=(record, _drawn_out(demand[begin:end]), period),
-        )  # fmt: skip
-        states[begin:end] = part.y.T[:-1]
-        state = states[end] = part.y[:, -1]
+    still = np.full(SETTLING, demand[0])
+    settled = np.zeros((SETTLING, 4))
+    _held(still, np.zeros(4), record, 0.1, settled, np.zeros(SETTLING))
+    start = settled[-1] * np.array([1.0, 1.0, 0.0, 0.0])  # the winding cold
+    states, currents = np.zeros((len(volts), 4)), np.zeros(len(volts))
+    _held(demand, start, record, period, states, currents)
     turns = states[:, 0] / (2.0 * math.pi)
     thrust = numbers["density"] * numbers["diameter"] ** 4 * numbers["kt"] * turns * np.abs(turns)
     return pd.DataFrame(
         {
-            "time_s": times,
+            "time_s": np.arange(len(volts)) * period,
             "motor_voltage_V": volts,
             "shaft_speed_rad_s": states[:, 0],
-            "motor_current_A": _currents(states, record, demand),
+            "motor_current_A": currents,
             "thrust_N": thrust,
         }
     )

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .bench import THRUSTER, _motor, bench_numbers
+from .bench import THRUSTER, _motor, bench_numbers, step_held
 from .crew_demands import steady
 from .instruments import ENCODER_DIGIT, encoder_noise
 from .motion import STATES, _balance, compiled
@@ -50,9 +50,6 @@ RACK = Governor(4.0, 2.0, 0.0, 34.0, 0.25)
 
 VOLTAGE = Governor(0.35, 0.8, -40.0, 40.0, 60.0)
 """The thruster's, in V."""
-
-SUBSTEPS = 50
-"""Of a sample, on the bench: 2 ms where a sample is a tenth of a second."""
 
 
 def ramped(orders: Floats, governor: Governor, period: float) -> Floats:
@@ -239,12 +236,12 @@ def bench_orders(volts: Floats) -> Floats:
 
 @compiled
 def _bench(
-    ship: Any, period: float, substeps: int, orders: Any, noise: Any, digit: float, rule: Any,
+    ship: Any, period: float, orders: Any, noise: Any, digit: float, rule: Any,
     first: float, demands: Any, states: Any, currents: Any,
 ) -> None:  # fmt: skip
     """Fill demands, states and currents at the samples."""
     ship = ship[0]
-    y, k, h, memory = np.zeros(4), np.zeros((4, 4)), period / substeps, first
+    y, k, memory = np.zeros(4), np.zeros((4, 4)), first
     y[0] = orders[0]
     y[1] = orders[0]
     for sample in range(len(orders)):
@@ -255,12 +252,7 @@ def _bench(
         volt, memory = _rule(orders[sample] - reading, memory, rule, period)
         demands[sample] = volt
         currents[sample] = _motor(volt, y, ship, k[0])
-        for _ in range(substeps):
-            _motor(volt, y, ship, k[0])
-            _motor(volt, y + 0.5 * h * k[0], ship, k[1])
-            _motor(volt, y + 0.5 * h * k[1], ship, k[2])
-            _motor(volt, y + h * k[2], ship, k[3])
-            y += h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3])
+        step_held(volt, y, ship, period, k)
 
 
 def run_bench_governed(numbers: Numbers, orders: Floats, period: float, seed: int) -> pd.DataFrame:
@@ -282,7 +274,7 @@ def run_bench_governed(numbers: Numbers, orders: Floats, period: float, seed: in
     demands, currents = np.zeros((2, len(orders)))
     states = np.zeros((len(orders), 4))
     first = float(np.interp(orders[0], bench_orders(VOLTS), VOLTS))
-    _bench(record, period, SUBSTEPS, wanted, noise, digit, rule, first, demands, states, currents)
+    _bench(record, period, wanted, noise, digit, rule, first, demands, states, currents)
     turns = states[:, 0] / (2.0 * math.pi)
     thrust = numbers["density"] * numbers["diameter"] ** 4 * numbers["kt"] * turns * np.abs(turns)
     return pd.DataFrame(

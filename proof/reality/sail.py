@@ -26,6 +26,19 @@ class StalledError(ValueError):
     """The effect is so large that it has stopped the engine."""
 
 
+def restless(rack: Floats) -> bool:
+    """Return whether a demand has steps too small for :func:`sail` to stop at.
+
+    Its error control does not notice them: over a sweep of the rack its steps of a second would skip
+    what each sample holds, and the shaft would answer up to half a sample early.
+
+    Args:
+        rack: demand [mm], one a sample.
+    """
+    steps = np.abs(np.diff(rack))
+    return bool(np.any((steps > 0.0) & (steps <= JUMP)))
+
+
 def _slow(_: float, states: Floats, *__: Any) -> float:
     return float(states[0] - STALLED)
 
