@@ -97,7 +97,7 @@ def _identification(
                 n.value,
                 float(e),
                 freedom=float(f),
-            )  # fmt: skip
+            )
             for n, v, e, f in zip(
                 free.numbers, found.values, found.standard_errors, found.degrees, strict=True
             )
