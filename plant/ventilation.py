@@ -17,27 +17,27 @@ The equations and their sources:
    ventilation moves by
 
        da/dt = (s - a) (s / growth_time + (1 - s) / washout_time),
-       s = (1 + tanh(z / 2)) / 2,
-       z = ((onset + suction_gain H/R + hysteresis / 2 - h/R) / G + a - 1/2) / W,
+       s = S(1/2 + K ((onset + suction_gain H/R + hysteresis / 2 - h/R) / G + a - 1/2)),
 
-   with W = 0.1 and with G such that its folds lie at the two limits. Between them two degrees are
-   stable. The hysteresis is thus a property of a smooth equation, no switch is remembered between
+   where S(v) = 35 v^4 - 84 v^5 + 70 v^6 - 20 v^7 rises smoothly from 0 at v = 0 to 1 at v = 1, with
+   K = 8/7 and with G such that the folds of the equation lie at the two limits. Between them two degrees
+   are stable. The hysteresis is thus a property of a smooth equation, no switch is remembered between
    steps, and a fourth-order integration keeps its order.
 2. *Loss of a ventilated blade.* A plate whose suction side is at the pressure of the atmosphere has the
    lift coefficient (pi/2) alpha + 2 g h / V^2 (Minsaas, Faltinsen and Persson 1983; Kozlowska et al.
    2009), where a wetted one has 2 pi alpha. The suction side, 3/4 of the lift, is thus replaced by the
-   static head on the blade area A_E = EAR A0. The share of the suction that is lost,
-   max(0, 1 - EAR h / (3/4 H)), is smoothed to
+   static head on the blade area A_E = EAR A0. With the share of the suction that is lost,
 
-       phi = exp(-EAR h / (3/4 H)),  T = T0 (1 - a thrust_loss phi),  Q = Q0 (1 - a torque_loss phi),
+       phi = max(0, 1 - EAR h / (3/4 H)),
+       T = T0 (1 - a thrust_loss phi),  Q = Q0 (1 - a torque_loss phi).
 
-   which has the same limits and the same first term for a fast shaft. The theory's ``thrust_loss`` is
-   0.75, and ``torque_loss`` follows from KQ/KQ0 = (KT/KT0)^m with m of 0.8 to 0.85 (Minsaas et al.
-   1983): 0.68. ``static_head_share`` multiplies h in phi; 0 leaves fixed shares, a form with two
-   parameters for the identification from a recording.
+   The corner of phi is rounded over 0.3. The theory's ``thrust_loss`` is 0.75, and ``torque_loss``
+   follows from KQ/KQ0 = (KT/KT0)^m with m of 0.8 to 0.85 (Minsaas et al. 1983): 0.68.
+   ``static_head_share`` multiplies h in phi; 0 leaves fixed shares, a form with two parameters for the
+   identification from a recording.
 3. *Loss of disc area and Wagner effect*, at any loading (Minsaas, Thon and Kauczynski 1987):
    beta = 1 - 0.675 (1 - 0.769 h/R)^1.258 for h/R < 1.3, else 1, and beta^0.8 for the torque. It acts by
-   the share ``surface_loss``. Its two corners are rounded, over 0.05 of 1 - 0.769 h/R and over 0.02 of
+   the share ``surface_loss``. Its two corners are rounded, over 0.2 of 1 - 0.769 h/R and over 0.05 of
    beta.
 
 Over the shaft speed at one depth, thrust rises, drops where air comes, and rises again more slowly.
@@ -52,10 +52,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from ..core.compiled import Real, Record, compiled
-from ..core.numeric import clip
 from .keys import Section, effect, number
 from .open_water import REVOLUTIONS_PER_RADIAN
 from .surroundings import GRAVITY
@@ -63,17 +60,34 @@ from .surroundings import GRAVITY
 SUCTION_SHARE = 0.75
 """Share of a wetted blade's lift that is lost without its suction side: 1 - (pi / 2) / (2 pi)."""
 
-ROUNDING = 0.05
-"""Width over which the corner of a head is rounded [-]."""
+HEAD_ROUNDING, LOSS_ROUNDING, BETA_ROUNDING = 0.2, 0.3, 0.05
+"""Half widths over which corners are rounded: of h/R and 1 - 0.769 h/R, of phi, of beta [-]."""
 
 SURFACE_TORQUE_POWER = 0.8
 """Power m of KQ/KQ0 = (KT/KT0)^m where blades near the surface lose thrust [-]."""
 
-_SHARPNESS = (
-    0.1  # W: width of the switch over its shift by the degree; below 0.25 it has two states
-)
-_FOLD = 0.5 * (1.0 - math.sqrt(1.0 - 4.0 * _SHARPNESS))  # the degree at which air breaks in
-_REACH = 1.0 - 2.0 * _FOLD - 2.0 * _SHARPNESS * math.log((1.0 - _FOLD) / _FOLD)
+_STEEPNESS = 8.0 / 7.0  # K; the slope of s to a is 2.5 in the middle, and above 1 it has two states
+
+
+@compiled
+def _smooth_step(v: Real) -> Real:
+    """Return S(v): 0 up to v = 0, 1 from v = 1 on, with three continuous derivatives."""
+    if v.real <= 0.0:
+        return 0.0 * v
+    if v.real >= 1.0:
+        return 1.0 + 0.0 * v
+    return v * v * v * v * (35.0 + v * (-84.0 + v * (70.0 - 20.0 * v)))
+
+
+def _reach() -> float:
+    """Return the distance of the folds of s(a) = a, in units of G."""
+    # at a fold K S'(v) = 1, with S'(v) = 140 (v (1 - v))^3
+    product = (1.0 / (140.0 * _STEEPNESS)) ** (1.0 / 3.0)
+    v = 0.5 * (1.0 - math.sqrt(1.0 - 4.0 * product))
+    return float(2.0 * (0.5 - (0.5 - v) / _STEEPNESS - _smooth_step(v)))
+
+
+_REACH = _reach()
 
 
 class Ventilation(Section):
@@ -126,12 +140,17 @@ def can_ventilate(plant: Record) -> bool:
 
 @compiled
 def _rounded(x: Real, width: float) -> Real:
-    """Return max(x, 0) with its corner rounded over ``width``: log(1 + exp(x / width)) width."""
-    if x.real > 40.0 * width:
+    """Return max(x, 0) with its corner rounded between -width and width.
+
+    The integral of the smooth step: four continuous derivatives, and exact outside.
+    """
+    if x.real >= width:
         return x
-    if x.real < -40.0 * width:
-        return width * np.exp(clip(x / width, -600.0, 0.0))
-    return width * np.log(1.0 + np.exp(x / width))
+    if x.real <= -width:
+        return 0.0 * x
+    t = 0.5 * (x / width + 1.0)
+    t2 = t * t
+    return width * (t2 * t2 * t * (14.0 + t * (-28.0 + t * (20.0 - 5.0 * t))))
 
 
 @compiled
@@ -165,11 +184,12 @@ def lost_suction(plant: Record, relative: Real, suction: Real) -> Real:
     """
     if plant.ventilation_static_head == 0.0:
         return 1.0 + 0.0 * relative
-    head = plant.ventilation_static_head * plant.expanded_area_ratio * _rounded(relative, ROUNDING)
+    area = plant.ventilation_static_head * plant.expanded_area_ratio
+    head = area * _rounded(relative, HEAD_ROUNDING)
     wanted = SUCTION_SHARE * suction
-    if wanted.real * 700.0 <= head.real or wanted.real <= 0.0:
+    if wanted.real * (1.0 + LOSS_ROUNDING) <= head.real:
         return 0.0 * relative
-    return np.exp(-head / wanted)
+    return _rounded(1.0 - head / wanted, LOSS_ROUNDING)
 
 
 @compiled
@@ -179,8 +199,10 @@ def surface_factor(relative: Real) -> Real:
     Args:
         relative: h/R [-].
     """
-    near = _rounded(1.0 - 0.769 * relative, ROUNDING)
-    return _rounded(1.0 - 0.675 * near**1.258, 0.4 * ROUNDING)
+    near = _rounded(1.0 - 0.769 * relative, HEAD_ROUNDING)
+    if near.real <= 0.0:
+        return 1.0 + 0.0 * relative
+    return _rounded(1.0 - 0.675 * near**1.258, BETA_ROUNDING)
 
 
 @compiled
@@ -199,7 +221,7 @@ def ventilation_rate(plant: Record, degree: Real, relative: Real, suction: Real)
         + 0.5 * plant.ventilation_hysteresis
     )
     shift = plant.ventilation_hysteresis * (1.0 / _REACH)
-    z = ((middle - relative) / shift + degree - 0.5) * (1.0 / _SHARPNESS)
-    share = 0.5 * (1.0 + np.tanh(0.5 * clip(z, -40.0, 40.0)))
+    apart = (middle - relative) / shift + degree - 0.5
+    share = _smooth_step(0.5 + _STEEPNESS * apart)
     pace = share / plant.ventilation_growth_time + (1.0 - share) / plant.ventilation_washout_time
     return (share - degree) * pace

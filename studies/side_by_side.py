@@ -178,6 +178,7 @@ class Row(NamedTuple):
     low: float
     high: float
     why: str = ""  # it differs, or what it rests on
+    kind: str = "free"  # input, calibrated or free: given to the model, fitted, or predicted by it
 
     @property
     def met(self) -> bool:

@@ -31,8 +31,8 @@ Floats = NDArray[np.float64]
 class Programme:
     """What is done: thrust and carriage ahead, then astern, the propeller moved up and down."""
 
-    thrust_N: float = 138.4  # T_pd, either way; calibrated
-    carriage_m_s: float = 0.5857  # either way; calibrated
+    thrust_N: float = 134.3  # T_pd, either way; calibrated
+    carriage_m_s: float = 0.5849  # either way; calibrated
     half_s: float = 30.0  # ahead, and the same astern
     thrust_ramp_s: float = 2.0
     carriage_ramp_s: float = 4.0  # longer: the shaft turns against the inflow meanwhile

@@ -43,7 +43,7 @@ anti-spin give.
 
 Table 1 is compared by its **changes**, with against without anti-spin. A change is met within
 {within:.0f} % of the printed one: 11 % less thrust, 23 % less power, eta_E up by 23 %. Of the
-{free} numbers that are predicted {met} are met; {calibrated} more are calibrated.
+{free} numbers that are predicted {met} are met; {given} more are calibrated or given, and no result.
 
 {table}
 
@@ -120,8 +120,8 @@ def _assumed() -> pd.DataFrame:
 
 NAMES = ("thrust", "power", "efficiency")
 WORDS = ("mean thrust [N]", "mean power [W]", "eta_E")
-CALIBRATED = "calibrated to it"
-"""The reason that marks a row as no result."""
+CALIBRATED, INPUT = "calibrated", "input"
+"""Kinds of rows that are no result."""
 
 
 UNEXPLAINED = "unexplained: no calculation here accounts for it"
@@ -135,7 +135,7 @@ def _rows(found: Results) -> list[Row]:
     on, off = found.pair
     rows = [
         Row(f"calibrated_{name}", f"with anti-spin: {words}", ours, f"{printed:g}",
-            0.98 * printed, 1.02 * printed, CALIBRATED)
+            0.98 * printed, 1.02 * printed, "", CALIBRATED)
         for name, words, ours, printed in zip(
             NAMES, WORDS, on[:3], PRINTED["anti-spin"], strict=True
         )
@@ -152,11 +152,11 @@ def _rows(found: Results) -> list[Row]:
         why = _efficiency(found) if name == "efficiency" else ""
         rows.append(
             Row(f"change_{name}", f"change of {name} by anti-spin [%]", _change(ratio),
-                f"{_change(printed):+.1f}", *ends, why)
+                f"{_change(printed):+.1f}", ends[0], ends[1], why)
         )  # fmt: skip
     rows += [
         Row("highest_speed", "highest shaft speed without [rad/s]", off.highest_speed, "75", 73.5, 76.5,
-            "the highest desired speed, 75 rad/s, is given to the controller"),
+            "the highest desired speed, 75 rad/s, is given to the controller", INPUT),
         Row("near", f"thrust with / without where h/R < {NEAR:g}", found.pair.near,
             "practically equal", 0.85, 1.15, _near(found)),
         Row("speed_near", "shaft speed in air, without / with", _speeds_in_air(found),
@@ -229,15 +229,14 @@ def _power_in_air(found: Results) -> float:
 def page(found: Results) -> Page:
     """Return the page's parts."""
     rows = _rows(found)
-    predicted = [row for row in rows if row.why != CALIBRATED]
+    free = [row for row in rows if row.kind not in (CALIBRATED, INPUT)]
     shown = table(rows)
-    shown["kind"] = ["calibrated" if row.why == CALIBRATED else "predicted" for row in rows]
-    shown.loc[shown["kind"] == "calibrated", "met"] = "–"
+    shown["kind"] = [row.kind for row in rows]
+    shown.loc[shown["kind"] != "free", "met"] = "–"
     body = INTRO.format(
         within=100.0 * WITHIN, thrust=found.programme.thrust_N, carriage=found.programme.carriage_m_s,
         assumed=markdown(_assumed()), table=markdown(shown), reasons=reasons(rows),
-        free=len(predicted), met=sum(row.met for row in predicted),
-        calibrated=len(rows) - len(predicted),
+        free=len(free), met=sum(row.met for row in free), given=len(rows) - len(free),
         tracking=found.calm_numbers.tracking, found=100.0 * found.detection[0],
         right=100.0 * found.detection[1], oracle=found.oracle, on=found.pair.on, near=NEAR,
         steady=markdown(found.steady, 1), onset_half=_onset(found, 0.5), onset_one=_onset(found, 1.0),

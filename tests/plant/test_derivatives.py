@@ -41,7 +41,7 @@ RICH = {
     "ventilation.torque_loss": 0.2,
     "ventilation.surface_loss": 0.5,
     "ventilation.onset_submergence": 1.0,
-    "ventilation.static_head_share": 0.4,
+    "ventilation.static_head_share": 0.1,
     "prime_mover.lag_s": 0.4,
     "prime_mover.torque_curvature_N_m_s2_rad2": -0.2,
     "transmission.coulomb_friction_engine_side_N_m": 5e3,

@@ -123,9 +123,9 @@ def test_cavitation_takes_thrust_and_a_share_of_that_from_torque(plant: Any) -> 
 
 def test_air_takes_its_share_of_thrust_and_torque(plant: Any) -> None:
     plant["ventilation_thrust_loss"], plant["ventilation_torque_loss"] = 0.7, 0.6
-    deep, half = (propeller_load(plant, 8.0, 10.5, 1.4, 1.5, degree) for degree in (0.0, 0.5))
+    deep, half = (propeller_load(plant, 8.0, 10.5, 1.4, 0.5, degree) for degree in (0.0, 0.5))
     suction = suction_head(plant, deep.thrust_coefficient, 10.5)
-    lost = lost_suction(plant, 1.5 / 2.1, suction)
+    lost = lost_suction(plant, 0.5 / 2.1, suction)
     assert 0.05 < lost < 0.9
     assert half.thrust / deep.thrust == pytest.approx(1.0 - 0.5 * 0.7 * lost)
     assert half.torque / deep.torque == pytest.approx(1.0 - 0.5 * 0.6 * lost)

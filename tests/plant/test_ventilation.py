@@ -93,39 +93,38 @@ def test_air_grows_and_washes_out_with_its_times(airy: Any) -> None:
 
 
 def test_a_fully_ventilated_blade_keeps_a_quarter_and_the_static_head(plant: Any) -> None:
-    """T = T0 / 4 + rho g h A_E for a fast shaft, by two-term thin-plate theory."""
+    """T = T0 / 4 + rho g h A_E by two-term thin-plate theory, where the suction exceeds the head."""
     plant["ventilation_thrust_loss"] = 0.75
-    depth, speed = 0.3 * RADIUS, 40.0
+    depth, speed = 0.3 * RADIUS, 14.0
     air, water = (propeller_load(plant, 3.0, speed, 1.2, depth, a).thrust for a in (1.0, 0.0))
     head = 1025.0 * 9.81 * depth * 0.9 * math.pi * RADIUS**2
-    suction = 0.75 * water
-    # the smoothed share differs in the second term of its series, half the square of the first
-    assert air == pytest.approx(0.25 * water + head, abs=0.6 * suction * (head / suction) ** 2)
+    assert 0.05 * water < head < 0.7 * 0.75 * water
+    assert air == pytest.approx(0.25 * water + head, rel=1e-6)
 
 
 def test_a_share_of_suction_is_lost_between_none_and_all(plant: Any) -> None:
     plant["expanded_area_ratio"] = 0.6
     shares = [lost_suction(plant, 1.0, suction) for suction in (-1.0, 0.0, 0.1, 1.0, 10.0, 1e6)]
     assert shares[:2] == [0.0, 0.0]
-    assert np.all(np.diff(shares[1:]) > 0.0)
-    assert shares[3] == pytest.approx(math.exp(-0.6 / 0.75), rel=1e-6)
+    assert np.all(np.diff(shares[2:]) > 0.0)
+    assert shares[2] == 0.0
+    assert shares[4] == pytest.approx(1.0 - 0.6 / 7.5, rel=1e-12)
     assert shares[-1] == pytest.approx(1.0, abs=1e-5)
     assert lost_suction(plant, -3.0, 1.0) == pytest.approx(1.0)  # above the surface: no head left
     plant["ventilation_static_head"] = 0.0
     assert [lost_suction(plant, 1.0, suction) for suction in (-1.0, 0.1, 10.0)] == 3 * [1.0]
 
 
-@pytest.mark.parametrize("relative", [0.0, 0.25, 0.5, 1.0, 1.15])
+@pytest.mark.parametrize("relative", [0.0, 0.25, 0.5, 1.0])
 def test_loss_of_disc_area_is_the_printed_curve(relative: float) -> None:
     printed = 1.0 - 0.675 * (1.0 - 0.769 * relative) ** 1.258
-    assert surface_factor(relative) == pytest.approx(printed, abs=0.004)
+    assert surface_factor(relative) == pytest.approx(printed, rel=1e-12)
 
 
 def test_loss_of_disc_area_ends_at_its_corners() -> None:
-    assert surface_factor(3.0) == pytest.approx(1.0, abs=1e-15)
-    assert surface_factor(1.8) == pytest.approx(1.0, abs=1e-5)
-    assert surface_factor(-1.0) == pytest.approx(0.0, abs=1e-3)
-    assert surface_factor(-30.0) >= 0.0
+    assert surface_factor(1.57) == 1.0
+    assert surface_factor(1.3) == pytest.approx(1.0, abs=0.01)
+    assert surface_factor(-0.6) == surface_factor(-30.0) == 0.0
     above = [surface_factor(h) for h in np.linspace(-2.0, 3.0, 400)]
     assert np.all(np.diff(above) >= 0.0)
 
@@ -168,7 +167,7 @@ def test_thrust_rises_drops_and_rises_again_with_the_shaft_speed(
     assert first > 5  # it rises before
     assert last < 115  # and after
     assert np.all(~rises[first : last + 1])  # and drops once
-    assert thrust[last + 1] < 0.65 * thrust[first]
+    assert thrust[last + 1] < 0.75 * thrust[first]
     # afterwards slower than the square by which it rose
     grown = thrust[-1] / thrust[last + 1]
     assert grown < (speeds[-1] / speeds[last + 1]) ** 1.8
