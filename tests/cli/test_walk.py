@@ -12,10 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from shaftline.baselines import controller_names, helmsman_names
 from shaftline.mismatch.numbers.pipeline import METHODS
 from shaftline.plant import load_ship
+from shaftline.studies.thesis.load_cases import CASES
 
 from .walks import SHIPS, Files, done, numbers_of, one_key, packaged, refused, run
 
@@ -23,6 +26,7 @@ HELD = {"kvlcc2", "esso-osaka", "constant-revolutions"}
 """Ships whose drive holds the shaft's speed."""
 
 TURNING = {"kvlcc2", "esso-osaka", "ddg-51-surrogate", "frigate-turning"}
+NO_DIESEL = {name for name in SHIPS if packaged(name).prime_mover.type != "diesel"}
 NO_VOLTAGE = {name for name in SHIPS if not packaged(name).has_voltage}
 
 REFUSED = {
@@ -36,6 +40,12 @@ REFUSED = {
 
 KINDS = {"sine": "sine", "welch": "noise"}
 """Recordings that a method needs; the others get a staircase."""
+
+ALIKE = {
+    "diesel-controllable-pitch", "thruster-on-a-bench", "ferry-printed", "tito-neri-staircase",
+    "esso-osaka", "frigate-turning",
+}  # fmt: skip
+"""Ships on which another of the list has every part; walked in the slow tests alone."""
 
 QUICK = ("steady", "step", "sine", "welch")
 EACH_KIND = ("frigate-at-sea", "kvlcc2", "ddg-51-surrogate", "tito-neri-sine", "drive-with-load")
@@ -65,7 +75,8 @@ def identified(files: Files, ship: str, method: str, out: Path, *free: str) -> N
 
 
 def quick_walks() -> Iterator[object]:
-    yield from itertools.product(QUICK, SHIPS)
+    for method, ship in itertools.product(QUICK, SHIPS):
+        yield pytest.param(method, ship, marks=[pytest.mark.slow] if ship in ALIKE else [])
 
 
 @pytest.mark.parametrize(("method", "ship"), quick_walks())
@@ -84,3 +95,134 @@ def slower_walks() -> Iterator[object]:
 def test_methods_that_simulate(method: str, ship: str, files: Files, tmp_path: Path) -> None:
     free = one_key(load_ship(files.ship(ship)))
     identified(files, ship, method, tmp_path / "out", "--free", free)
+
+
+@pytest.mark.parametrize("ship", [pytest.param(s, marks=pytest.mark.slow) for s in SHIPS])
+@pytest.mark.parametrize("method", [m for m in METHODS if METHODS[m].cut])
+def test_methods_that_choose_by_the_recording(
+    method: str, ship: str, files: Files, tmp_path: Path
+) -> None:
+    """``--free auto``; the filter may find that it cannot go by this recording, and then says so."""
+    out = tmp_path / "out"
+    result = run(
+        "identify", files.recording(ship, "staircase"), "--ship", files.ship(ship), "--method",
+        method, "--out", out,
+    )  # fmt: skip
+    reasons = [REFUSED.get((method, ship), "^$")]
+    if method == "ekf":
+        reasons += ["estimates of .* are not finite numbers", "cannot be found together"]
+    if not refused(result, *reasons):
+        assert np.isfinite(numbers_of(json.loads((out / "report.json").read_text()))).all()
+
+
+APPROACH = {"kvlcc2": 1.18, "esso-osaka": 3.6, "ddg-51-surrogate": 11.3, "frigate-turning": 9.0}
+"""Speeds [m/s] from which each ship that turns begins her manoeuvres."""
+
+
+@pytest.mark.parametrize(
+    "ship",
+    [s if s == "ddg-51-surrogate" else pytest.param(s, marks=pytest.mark.slow) for s in APPROACH],
+)
+def test_a_manoeuvre_s_tracks_are_recordings(ship: str, files: Files, tmp_path: Path) -> None:
+    done(run("manoeuvre", "--ship", ship, "--speed", APPROACH[ship], "--out", tmp_path / "m"))
+    zig_zag = tmp_path / "m" / "zig-zag-10-10-starboard.csv"
+    out = tmp_path / "out"
+    done(run("check", zig_zag, "--ship", ship))
+    done(run("identify", zig_zag, "--ship", ship, "--free", "manoeuvring.N_r", "--out", out))
+    found = load_ship(out / "identified_ship.toml").manoeuvring.N_r
+    assert found == pytest.approx(load_ship(ship).manoeuvring.N_r, rel=0.01)
+
+
+def some(ships: tuple[str, ...]) -> list[object]:
+    """Return all ships, those beside one of each kind in the slow tests."""
+    return [s if s in ships else pytest.param(s, marks=pytest.mark.slow) for s in SHIPS]
+
+
+@pytest.mark.parametrize("ship", some(("frigate-at-sea", "tito-neri-sine")))
+def test_from_simulation_to_diagnosis_and_back(ship: str, files: Files, tmp_path: Path) -> None:
+    recording, out, again = files.recording(ship, "staircase"), tmp_path / "d", tmp_path / "s.csv"
+    done(run("check", recording, "--ship", files.ship(ship)))
+    done(run("diagnose", recording, "--ship", files.ship(ship), "--out", out))
+    assert json.loads((out / "report.json").read_text())["verdict"] == "nothing-missing"
+    corrected = out / "corrected_ship.toml"
+    done(run("simulate", "--ship", corrected, "--inputs", recording, "--out", again))
+    before, after = pd.read_csv(recording), pd.read_csv(again)
+    speed = "shaft_speed_rad_s"
+    assert after[speed].to_numpy() == pytest.approx(before[speed].to_numpy(), rel=0.02)
+
+
+@pytest.mark.parametrize("ship", some(("ferry", "ddg-51-surrogate", "drive-with-load")))
+def test_from_simulation_to_an_identified_ship_s_loop(
+    ship: str, files: Files, tmp_path: Path
+) -> None:
+    out, recording = tmp_path / "i", files.recording(ship, "staircase")
+    common = ("identify", recording, "--ship", files.ship(ship), "--out", out)
+    done(run(*common, "--free", one_key(packaged(ship))))
+    found = out / "identified_ship.toml"
+    drive = 0.55 * float(load_ship(found).record()["drive_max"])
+    done(run("linearise", "--ship", found, "--drive", drive, "--out", tmp_path / "l"))
+    speed = float(pd.read_csv(recording)["ship_speed_m_s"].iloc[-1])
+    loop = ("loop", "0.001/1,0", "--ship", found, "--speed", speed, "--out", tmp_path / "loop")
+    result = run(*loop)
+    if packaged(ship).moves:
+        refused(result, "the closed loop is unstable")
+    else:
+        assert refused(result, "hull.fixed = true, so it sails at no speed")
+
+
+@pytest.mark.parametrize("ship", SHIPS)
+def test_a_ship_meets_controllers_and_helmsmen(ship: str, files: Files, tmp_path: Path) -> None:
+    """The classic controllers command a diesel; other ships are refused by that."""
+    vessel = packaged(ship)
+    speed = "0" if not vessel.moves else "5"
+    for controller in controller_names():
+        if vessel.prime_mover.type == "diesel":
+            continue
+        common = (controller, "--ship", files.ship(ship), "--out", tmp_path / controller)
+        assert refused(run("loop", *common, "--speed", speed), "needs a diesel, not"), controller
+        evaluated = run("evaluate", "--controller", *common, "--seeds", 1, "--episode-s", 5)
+        assert refused(evaluated, "needs a diesel, not"), controller
+    if not vessel.turns:
+        for helmsman in helmsman_names():
+            result = run("loop", helmsman, "--ship", files.ship(ship), "--out", tmp_path)
+            assert refused(result, "cannot be steered: it has no manoeuvring"), helmsman
+        result = run("manoeuvre", "--ship", files.ship(ship), "--speed", 5, "--out", tmp_path)
+        assert refused(result, "cannot be steered|sails at no speed"), ship
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("controller", "ship"),
+    itertools.product(controller_names(), [s for s in SHIPS if s not in NO_DIESEL]),
+)
+def test_a_diesel_ship_is_evaluated_and_her_loop_shown(
+    controller: str, ship: str, files: Files, tmp_path: Path
+) -> None:
+    refused(
+        run("loop", controller, "--ship", files.ship(ship), "--speed", 5, "--out", tmp_path / "l"),
+        "the closed loop is unstable", "known are", "a loop is looked at where", "no steady state",
+    )  # fmt: skip
+    done(
+        run(
+            "evaluate", "--controller", controller, "--ship", files.ship(ship), "--seeds", 1,
+            "--episode-s", 5, "--jobs", 1, "--out", tmp_path / "e",
+        )
+    )  # fmt: skip
+
+
+CASE_NEEDS = (
+    "needs a propeller; .* has none",
+    "needs blades that turn; .* has a fixed pitch",
+    "needs a hull that moves; .*'s is fixed",
+)
+
+
+@pytest.mark.parametrize("ship", some(("kvlcc2", "electric-fixed-pitch", "drive-with-load")))
+@pytest.mark.parametrize("case", CASES)
+def test_a_load_case_is_written_and_checked(
+    case: str, ship: str, files: Files, tmp_path: Path
+) -> None:
+    file = tmp_path / "case.csv"
+    result = run("simulate", "--ship", files.ship(ship), "--case", case, "--out", file)
+    if not refused(result, *CASE_NEEDS):
+        done(run("check", file, "--ship", files.ship(ship)))

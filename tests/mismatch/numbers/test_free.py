@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from shaftline.mismatch.numbers.drive_train import CONSTANT, INDUCTANCE, LOAD
-from shaftline.mismatch.numbers.free import RATIO, Free, doubtful, freed, number_of
-from shaftline.plant import Ship, load_ship
+from shaftline.mismatch.numbers.free import RATIO, Free, doubtful, freed, number_of, usual_keys
+from shaftline.plant import Ship, load_ship, ship_names
 from shaftline.plant.terms import Term
 
 from .benches import tug
@@ -117,3 +117,12 @@ def test_a_term_s_numbers_may_be_found() -> None:
 def test_a_diesel_s_numbers_too() -> None:
     number = number_of(load_ship("frigate"), WAKE)
     assert (number.value, number.info.unit) == (0.05, "-")
+
+
+@pytest.mark.parametrize("name", ship_names())
+def test_every_ship_has_parameters_that_a_method_usually_frees(name: str) -> None:
+    ship = load_ship(name)
+    for response in (False, True):
+        keys = usual_keys(ship, response=response)
+        assert all(number_of(ship, key).value != 0.0 for key in keys)
+        assert bool(keys) == (ship.turns_freely or ship.moves)

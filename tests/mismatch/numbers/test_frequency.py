@@ -21,7 +21,7 @@ from shaftline.mismatch.numbers.frequency import (
 )
 from shaftline.plant import Ship, equilibrium, linearise, load_ship
 
-from .benches import recorded, tug
+from .benches import recorded, swing, tug
 
 FREQUENCY = np.array([0.3, 5.0, 20.0, 500.0, 3000.0])
 
@@ -130,3 +130,10 @@ def test_a_channel_that_is_held_may_lack_something() -> None:
     assert_allclose(lacking, expected, rtol=5e-3, atol=1e-9)
     assert lacking[-1] == pytest.approx(1.0, abs=1e-2)
     assert_allclose(blurred(values[::10], 1e-3, [10.0, 3000.0]), 0.0, atol=0.0)
+
+
+def test_a_channel_without_a_mean_has_no_response() -> None:
+    """The speed of a fixed hull is 0, a constant torque does not move."""
+    table = swing(tug(), 30.0, 1.0).assign(ship_speed_m_s=0.0, shaft_torque_N_m=0.3)
+    found = channels_of(tug(), table, "sine")
+    assert list(found) == ["motor_voltage_V", "shaft_speed_rad_s", "motor_current_A"]

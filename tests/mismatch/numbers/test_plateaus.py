@@ -52,3 +52,9 @@ def test_neither_a_ramp_nor_a_sine_is_steady() -> None:
     assert plateaus(tug(), swing(tug(), 5.0, 5.0)) == []
     with pytest.raises(ValueError, match="tito-neri-sine: the recording has no motor_voltage_V"):
         plateaus(tug(), swing(tug(), 5.0, 1.0).drop(columns="motor_voltage_V"))
+
+
+def test_a_constant_channel_is_settled() -> None:
+    """Means of equal numbers differ by their rounding: a pitch of 0.7 does not move."""
+    table = staircase(tug(), LEVELS).assign(pitch_ratio=0.7)
+    assert len(plateaus(tug(), table)) == len(LEVELS)
