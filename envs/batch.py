@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -16,65 +16,19 @@ from ..baselines.governor import tune
 from ..baselines.steering import OBSERVED_STEERED
 from ..core.sizes import check_size
 from ..observers import get_observer
-from ..observers.records import ESTIMATE
-from ..plant import Ship, equilibrium, realise
-from ..plant.dynamics import settled
+from ..plant import Ship
 from ..plant.helm import refuse_to_steer
-from ..plant.hull import resistance, water_speed, wave_resistance
-from ..plant.state import Inputs, State
-from ..plant.stepping import Disturbance, prepare
 from ..plant.terms import Term
-from ..plant.waves import calm
 from .divergence import refuse_divergence
 from .kernel import control_interval, first_observation
 from .ranges import observed_ranges
 from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
-from .settings import Begin, Settings, check_randomise, drawn, noise_of, seas_of
+from .settings import Begin, Settings, check_randomise, noise_of, seas_of
+from .starts import draw_episodes, start_episodes, steady_states, steady_tables
 from .tasks import get_task
 
 _BYTES_EACH = 1e5  # an environment with its sea, measured
 _FIELDS: Any = ENVIRONMENT.fields
-
-
-_LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
-"""Resistance over that of calm water at which steady states are worked out."""
-
-
-@functools.lru_cache(maxsize=16 * len(_LOADS))
-def _steady_table(ship: Ship, load: float = 1.0) -> NDArray[Any]:
-    """Steady states under a load by rising ship speed: ship speed, shaft speed and pitch (units of
-    STATE), and the commands that hold them.
-    """
-    plant = ship.record()
-    pitch = float(
-        plant["pitch_ratio_min"] + 0.75 * (plant["pitch_ratio_max"] - plant["pitch_ratio_min"])
-    )
-    rows = []
-    for rack in np.linspace(0.05, 0.95, 19) * float(plant["drive_max"]):
-        try:
-            found = equilibrium(ship, float(rack), pitch, resistance_factor=load).state
-        except ValueError:
-            continue  # too little fuel to turn the shaft
-        engine_speed = found.shaft_speed * plant["gear_ratio"]
-        if plant["engine_speed_min"] <= engine_speed <= plant["engine_speed_max"]:
-            rows.append((found.ship_speed, found.shaft_speed, found.pitch_ratio, rack, pitch))
-    if len(rows) < 2:
-        raise ValueError(f"{ship.name}: no steady states inside the engine's speed range")
-    names = ("ship_speed", "shaft_speed", "pitch_ratio", "drive", "pitch_command")
-    return np.array(sorted(rows), dtype=[(name, np.float64) for name in names])
-
-
-@functools.lru_cache(maxsize=16)
-def _loaded(ship: Ship) -> tuple[NDArray[np.float64], list[NDArray[Any]]]:
-    """The loads that the ship can sail under, and their steady states."""
-    loads, tables = [], []
-    for load in _LOADS:
-        try:
-            tables.append(_steady_table(ship, load))
-        except ValueError:
-            continue  # more, or less, than her engine can work against
-        loads.append(load)
-    return np.array(loads), tables
 
 
 @functools.lru_cache(maxsize=16)
@@ -98,6 +52,16 @@ def pushed(ship: Ship) -> Ship:
         also={"yaw_moment": f"{DRIFT_ARM * ship.manoeuvring.length_m!r} * drift_force"},
     )  # fmt: skip
     return ship.with_signals({"drift_force": "N"}).with_values({"term": [*ship.term, force]})
+
+
+def _within(uniform: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+    """Return numbers uniform in [0, 1) as NumPy's ``uniform(low, high)`` scales them."""
+    return low + (high - low) * uniform
+
+
+def _given(option: Any, drawn: Any) -> Any:
+    """Return what an option of the reset sets, or what was drawn."""
+    return drawn if option is None else option
 
 
 class Arrays(NamedTuple):
@@ -157,20 +121,21 @@ class Batch:
         self.gains = np.zeros((3, 0))
         if settings.action_mode == "shaft-speed":
             self.gains = _governor_gains(self.ship)
-        self.table = _steady_table(self.ship)
-        self._loads, self._tables = _loaded(self.ship)
-        self._plant = (pushed(self.ship) if steered else self.ship).record()
+        self.table = steady_states(self.ship)
+        self._tables = steady_tables(self.ship)
         self.n = n
         observer = get_observer(settings.observer, settings.tuning).discretise(self.ship, self.dt)
         self.environments = np.zeros(n, ENVIRONMENT)
-        self.environments["plant"] = self._plant
+        self.environments["plant"] = (pushed(self.ship) if steered else self.ship).record()
         self.environments["observer"] = observer
         self.scale: Any = None
         if settings.normalised:
-            top = float(_steady_table(self.ship)["ship_speed"].max())
+            top = float(self.table["ship_speed"].max())
             self.scale = observed_ranges(self.ship, top, self.observed)
         self.common = np.zeros(1, COMMON)[0]
         self.common["noise"] = noise_of(self.ship, settings.sensor_noise)
+        self.common["worst_cost"] = self.task.worst_cost
+        self.common["intervals"] = settings.intervals
         for term, weight in self.task.weights.model_dump().items():
             self.common["weights"][term] = weight
 
@@ -232,96 +197,60 @@ class Batch:
         speeds = (float(known[0]), float(known[-1]))
         return Begin.of(options, self.task, speeds, self.steered)
 
-    def reset(self, i: int, rng: np.random.Generator, begin: Begin) -> None:
-        """Begin a new episode of environment ``i``.
+    def reset(
+        self, which: NDArray[np.int64], rngs: Sequence[np.random.Generator], begin: Begin
+    ) -> None:
+        """Begin a new episode of some environments.
 
         Args:
-            i: which.
-            rng: everything that is drawn comes from it.
+            which: indices of the environments, shape (k,).
+            rngs: one an environment, from which everything of its episode is drawn.
             begin: from :meth:`begin`.
         """
         task, arrays = self.task, self.arrays
-        episode, plant = arrays.episodes[i], arrays.plants[i]
-        arrays.plants[i] = self._plant
-        for number, width in self._varied:
-            number.write(plant, number.value * rng.uniform(1.0 - width, 1.0 + width))
-        arrays.seas[i] = self._sea(rng, begin)
-        arrays.episodes[i] = np.zeros(1, EPISODE)[0]
-        episode["random"] = rng.integers(2**63, dtype=np.uint64)
-        orders = rng.uniform(*task.speed_order_m_s, MAX_ORDERS)
-        episode["orders"] = orders if begin.orders is None else begin.orders
+        varied = len(self._varied)
+        draws, uniform = draw_episodes(rngs, self.seas_to_draw, begin, varied, self.steered)
+        for factor, (number, width) in zip(uniform.T, self._varied, strict=False):
+            place = (which, *number.place)
+            arrays.plants[number.field][place] = number.value * _within(
+                factor, 1 - width, 1 + width
+            )
+        episode = np.zeros(len(which), EPISODE)
+        columns = uniform[:, varied:]
+        orders, columns = columns[:, :MAX_ORDERS], columns[:, MAX_ORDERS:]
+        episode["random"] = draws["random"]
+        episode["orders"] = _given(begin.orders, _within(orders, *task.speed_order_m_s))
         episode["order_interval"] = begin.order_interval_s
-        rise = rng.uniform(*task.resistance_rise)
-        if begin.resistance_rise is not None:
-            rise = begin.resistance_rise
+        rise = _given(begin.resistance_rise, _within(columns[:, 0], *task.resistance_rise))
         episode["resistance_mean"] = 1.0 + rise
         episode["resistance_swing"] = task.resistance_swing
-        episode["resistance_frequency"] = 2.0 * math.pi / rng.uniform(60.0, 180.0)
-        episode["resistance_phase"] = rng.uniform(0.0, 2.0 * math.pi)
+        episode["resistance_frequency"] = 2.0 * math.pi / _within(columns[:, 1], 60.0, 180.0)
+        episode["resistance_phase"] = _within(columns[:, 2], 0.0, 2.0 * math.pi)
         if self.steered:
-            self._set_course(i, rng, begin)
-        speed = begin.initial_speed_m_s
-        self._start(i, float(episode["orders"][0]) if speed is None else speed)
-
-    def _set_course(self, i: int, rng: np.random.Generator, begin: Begin) -> None:
-        """Headings, lines, current and side force of an episode."""
-        task, episode = self.task, self.arrays.episodes[i]
-        headings = np.radians(rng.uniform(*task.heading_order_deg, MAX_ORDERS))
-        lines = rng.uniform(*task.track_order_m, MAX_ORDERS)
-        current = rng.uniform(*task.cross_current_m_s)
-        force = 1e3 * rng.uniform(*task.drift_force_kN)
-        episode["heading_orders"] = (
-            headings if begin.heading_orders is None else begin.heading_orders
-        )
-        episode["track_orders"] = lines if begin.track_orders is None else begin.track_orders
-        asked = begin.cross_current_m_s
-        self.arrays.plants[i]["cross_current"] = current if asked is None else asked
-        episode["drift_force"] = force if begin.drift_force_N is None else begin.drift_force_N
-
-    def _sea(self, rng: np.random.Generator, begin: Begin) -> Any:
-        """SEA record of an episode."""
-        which = int(rng.integers(len(self.seas_to_draw)))
-        wave_seed = int(rng.integers(2**31))
-        sea = drawn(self.seas_to_draw[which], rng)
-        if begin.seas is not None:  # from a stream of its own: all else is as it would be without
-            (own,) = rng.spawn(1)
-            sea = drawn(begin.seas[int(own.integers(len(begin.seas)))], own)
-        return realise(sea, self.ship.propeller.depth_m, wave_seed) if sea else calm()
-
-    def _start(self, i: int, speed: float) -> None:
-        """Put environment ``i`` where the ship would be that has long sailed at a speed [m/s].
-
-        As far as its mean goes: the slow swing and single waves have moved nothing yet.
-        """
-        arrays = self.arrays
-        episode, plant = arrays.episodes[i], arrays.plants[i]
-        known = self.table["ship_speed"]
-        factor = float(episode["resistance_mean"])
-        plain = resistance(plant, water_speed(plant, max(speed, known[0])), 1.0)
-        load = factor + wave_resistance(plant, arrays.seas[i]["head_sea"]) / plain
-        lower = int(np.searchsorted(self._loads[1:-1], load))
-        pair = slice(lower, lower + 2)  # the loads to either side
-
-        def at(name: str) -> float:
-            tables = self._tables[pair]
-            values = [float(np.interp(speed, t["ship_speed"], t[name])) for t in tables]
-            return float(np.interp(load, self._loads[pair], values))
-
-        rack = at("drive")
-        episode["pitch_command"], episode["drive"] = at("pitch_command"), rack
-        episode["integral"] = rack  # the governor takes over without a bump
-        bare = State(
-            at("pitch_ratio"), at("shaft_speed"), float(np.clip(speed, known[0], known[-1]))
-        )
-        if self.steered:  # carried by the water
-            bare = bare._replace(sway_speed=float(plant["cross_current"]))
-        inputs = Inputs(rack, float(episode["pitch_command"]), resistance_factor=load)
-        arrays.states[i] = tuple(settled(plant, bare, inputs))
-        arrays.estimates[i] = np.zeros(1, ESTIMATE)[0]
-        prepare(
-            arrays.plants[i], arrays.states[i], arrays.memories[i], arrays.seas[i], rack,
-            Disturbance(0.0, 0.0, factor), self.dt,
+            self._set_course(which, episode, columns[:, 3:], begin)
+        environments = self.environments
+        for name in ("state", "sea", "estimate", "ended"):
+            environments[name][which] = np.zeros(1, ENVIRONMENT[name])
+        environments["episode"][which] = episode
+        speeds = _given(begin.initial_speed_m_s, episode["orders"][:, 0])
+        start_episodes(
+            environments, which, draws, np.broadcast_to(speeds, len(which)).copy(), self._tables,
+            self.ship.propeller.depth_m, self.dt,
         )  # fmt: skip
+
+    def _set_course(
+        self, which: NDArray[np.int64], episode: Any, uniform: NDArray[np.float64], begin: Begin
+    ) -> None:
+        """Set headings, lines, current and side force of episodes."""
+        task = self.task
+        headings, lines = uniform[:, :MAX_ORDERS], uniform[:, MAX_ORDERS : 2 * MAX_ORDERS]
+        current = _within(uniform[:, -2], *task.cross_current_m_s)
+        force = 1e3 * _within(uniform[:, -1], *task.drift_force_kN)
+        angles = np.radians(_within(headings, *task.heading_order_deg))
+        episode["heading_orders"] = _given(begin.heading_orders, angles)
+        episode["track_orders"] = _given(begin.track_orders, _within(lines, *task.track_order_m))
+        self.arrays.plants["cross_current"][which] = _given(begin.cross_current_m_s, current)
+        episode["drift_force"] = _given(begin.drift_force_N, force)
 
     def observe(self, which: NDArray[np.int64]) -> None:
         """Fill the observations of environments that were just reset."""

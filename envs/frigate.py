@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -59,8 +58,17 @@ def space_of(batch: Batch) -> spaces.Box:
     return observation_space(batch.observed)
 
 
-def _threads(workers: int) -> ThreadPoolExecutor | None:
-    return ThreadPoolExecutor(workers) if workers > 1 else None
+def _count_workers(threads: int | None, ships: int) -> int:
+    """Return the number of threads that step the ships.
+
+    Raises:
+        ValueError: ``threads`` is not a whole number of at least 1.
+    """
+    if threads is None:
+        return min(os.cpu_count() or 1, ships)
+    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+        raise ValueError(f"threads = {threads!r}: must be a whole number from 1, or None")
+    return min(int(threads), ships)
 
 
 def _check_render_mode(mode: str | None) -> None:
@@ -75,12 +83,16 @@ def _dashboard(batch: Batch, ship: int = 0) -> Dashboard:
 
 
 def _checked(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    array = np.array(action, dtype=np.float32)
+    try:
+        array = np.array(action, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"action {action!r}: must be numbers of shape {shape}: {error}") from None
     if array.shape != shape:
         raise ValueError(f"action has shape {array.shape}, {shape} is needed")
     if not np.isfinite(array).all():
         raise ValueError(f"action {array.tolist()} holds a value that is not finite")
-    return np.minimum(np.maximum(array, -1.0, out=array), 1.0, out=array)
+    # clipped as double: 1e300 is finite, but single precision does not hold it
+    return np.minimum(np.maximum(array, -1.0, out=array), 1.0, out=array).astype(np.float32)
 
 
 class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -98,10 +110,13 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     is the shaft speed over the engine's range, held by a governor.
 
     ## Reward
-    Minus the weighted sum of the task's terms; ``info`` holds each in its physical unit.
+    Minus the weighted sum of the task's terms, at least ``-worst_cost`` of the task; ``info`` holds each
+    term in its physical unit. An engine that stalls or trips costs more than ``worst_cost`` at every
+    interval of a whole episode (:func:`shaftline.envs.rewards.reward_of`).
 
     ## Episode end
-    Terminated where the engine stalls or trips on overspeed; truncated after ``episode_s``.
+    Terminated where the engine stalls or trips on overspeed; truncated after ``episode_s``. A reset must
+    come before the next step.
 
     ## Options of a reset
     ``sea``, ``speed_order_m_s`` (one order, or one for each interval), ``order_interval_s``,
@@ -125,7 +140,7 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space: Any = action_space(self.batch.actions)
         _check_render_mode(render_mode)
         self.render_mode = render_mode
-        self._began = False
+        self._needs_reset = True
         self._dashboard = _dashboard(self.batch) if render_mode else None
 
     def reset(
@@ -142,9 +157,9 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         begin = self.batch.begin(options)
         super().reset(seed=seed)
-        self.batch.reset(0, self.np_random, begin)
+        self.batch.reset(np.array([0]), [self.np_random], begin)
         self.batch.observe(np.array([0]))
-        self._began = True
+        self._needs_reset = False
         if self._dashboard is not None:
             self._dashboard.clear()
         return self.batch.told(0), {}
@@ -153,11 +168,11 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Hold an action over one control interval.
 
         Raises:
-            ResetNeeded: no episode has begun.
+            ResetNeeded: no episode has begun, or the last one has ended.
             ValueError: an action of another shape, or not finite.
         """
-        if not self._began:
-            raise ResetNeeded("call reset() before step()")
+        if self._needs_reset:
+            raise ResetNeeded("no episode is running, or it has ended: call reset() before step()")
         batch = self.batch
         batch.step(_checked(action, (batch.actions,))[None])
         env = batch.environments[0]
@@ -170,6 +185,7 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._dashboard is not None:
             self._dashboard.record()
         reward = float(env["reward"])
+        self._needs_reset = ended != RUNNING or truncated
         return batch.told(0), reward, ended != RUNNING, truncated, info
 
     def render(self) -> Any:
@@ -221,22 +237,24 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         self.render_mode = render_mode
         drawn = range(num_envs) if render_mode else ()
         self._dashboards = [_dashboard(self.batch, i) for i in drawn]
-        self._workers = min(threads or os.cpu_count() or 1, num_envs)
+        self._workers = _count_workers(threads, num_envs)
         # more shares than threads, so that no thread waits long for another on a busy machine
         self._shares = 2 * self._workers
-        self._pool = _threads(self._workers)
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_process = 0
         self._rngs: list[np.random.Generator] = []
         self._begin = self.batch.begin(None)
         self._ended = np.zeros(num_envs, dtype=bool)  # and not begun anew yet
 
-    def __getstate__(self) -> dict[str, Any]:
-        """All but the threads."""
-        return self.__dict__ | {"_pool": None}
+    def _threads(self) -> ThreadPoolExecutor | None:
+        """Return the threads of this process; those of a process that was forked do not exist here."""
+        if self._workers > 1 and (self._pool is None or self._pool_process != os.getpid()):
+            self._pool, self._pool_process = ThreadPoolExecutor(self._workers), os.getpid()
+        return self._pool
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """With threads of its own."""
-        self.__dict__.update(state)
-        self._pool = _threads(self._workers)
+    def __getstate__(self) -> dict[str, Any]:
+        """Return everything but the threads, which another process makes for itself."""
+        return self.__dict__ | {"_pool": None}
 
     def reset(
         self,
@@ -251,12 +269,18 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             options: see :class:`FrigateEnv`; ``reset_mask``, of shape (n,), leaves others as they are.
 
         Raises:
-            ValueError: an unknown option, a value out of range, or too few or many seeds.
+            ValueError: an unknown option, a value out of range, too few or many seeds, or a mask that
+                leaves a sub-environment without its first episode.
         """
         options = dict(options or {})
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise ValueError(f"reset_mask: must be {self.num_envs} booleans, one of them true")
+        if not self._rngs and not mask.all():
+            raise ValueError(
+                f"reset_mask: sub-environments {np.flatnonzero(~mask).tolist()} have no episode yet; "
+                "the first reset must begin all of them"
+            )
         begin = self.batch.begin(options)
         if seed is not None or not self._rngs:
             seeds: Sequence[int | None] = (
@@ -275,10 +299,9 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
 
     def _start(self, which: NDArray[np.int64]) -> None:
         """Begin episodes in some sub-environments."""
-        for i in which.tolist():
-            self.batch.reset(i, self._rngs[i], self._begin)
-            if self._dashboards:
-                self._dashboards[i].clear()
+        self.batch.reset(which, [self._rngs[i] for i in which], self._begin)
+        for i in which if self._dashboards else ():
+            self._dashboards[i].clear()
         self.batch.observe(which)
         self._ended[which] = False
 
@@ -299,9 +322,8 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         if len(waiting) and self.autoreset_mode is AutoresetMode.DISABLED:
             raise ResetNeeded(f"sub-environments {waiting.tolist()} have ended: reset them first")
         batch, arrays = self.batch, self.batch.arrays
-        for i in waiting.tolist():  # steps somewhere below, and is then begun in earnest
-            batch.reset(i, copy.deepcopy(self._rngs[i]), self._begin)
-        batch.step(_checked(actions, (self.num_envs, batch.actions)), self._pool, self._shares)
+        # one that waits for its next episode steps on too, which the episode's beginning then undoes
+        batch.step(_checked(actions, (self.num_envs, batch.actions)), self._threads(), self._shares)
         terminated = arrays.ended != RUNNING
         truncated = batch.elapsed >= batch.settings.intervals
         reward = arrays.rewards.copy()
@@ -341,5 +363,5 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let the threads go."""
-        if self._pool is not None:
+        if self._pool is not None and self._pool_process == os.getpid():
             self._pool.shutdown()

@@ -24,7 +24,7 @@ from ..plant.stepping import Disturbance, observe, step
 from ..plant.waves import inflow_ahead
 from .randomness import normal
 from .records import MAX_ORDERS
-from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of
+from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of, running_cost
 
 DRIFT_SWING = 0.5  # amplitude of the slow swing of the side force, over its mean
 
@@ -292,8 +292,10 @@ def control_interval(
             if plant.turns != 0:
                 _see_course(env, common.noise, before, laid_before, time)
         env.ended = _why_ended(plant, state.shaft_speed)
-        terms.failure = 0.0 if env.ended == RUNNING else 1.0
-        env.reward = reward_of(common.weights, terms)
+        env.reward = reward_of(
+            running_cost(common.weights, terms), env.ended != RUNNING, common.worst_cost,
+            common.intervals, episode.elapsed,
+        )  # fmt: skip
         episode.elapsed += 1
 
 

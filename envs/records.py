@@ -89,12 +89,20 @@ ENVIRONMENT = np.dtype(
         ("observation", OBSERVATION),
         ("terms", REWARD_TERMS),  # means over the interval in physical units
         ("truth", TRUTH),
-        ("reward", np.float64),  # minus the weighted sum of the terms
+        ("reward", np.float64),  # of the interval, of reward_of
         ("ended", np.int64),  # RUNNING, STALLED or TRIPPED
     ],
     align=True,
 )
 """Everything of one environment; a batch is an array of them."""
 
-COMMON = np.dtype([("noise", NOISE), ("weights", REWARD_TERMS)], align=True)
-"""What the environments of a batch share: instruments' noise, weights of the reward terms."""
+COMMON = np.dtype(
+    [
+        ("noise", NOISE),
+        ("weights", REWARD_TERMS),
+        ("worst_cost", np.float64),  # bound of an interval's cost
+        ("intervals", np.int64),  # of a whole episode
+    ],
+    align=True,
+)
+"""What the environments of a batch share: instruments' noise, and what the reward is made of."""

@@ -60,11 +60,6 @@ class Weights(FileModel):
     heading_error_deg: float = Field(0.0, ge=0, description="|heading - order|, by the shorter way")
     track_error_m: float = Field(0.0, ge=0, description="|cross track - order|")
     rudder_rate_deg_s: float = Field(0.0, ge=0, description="mean |d delta / dt| of the rudder")
-    failure: float = Field(
-        500.0,
-        ge=0,
-        description="once, where the engine stalls or trips: else ending early would pay",
-    )
 
 
 NEAR_LIMIT = 0.05
@@ -156,14 +151,38 @@ def clear_terms(terms):
 )
 """Begin an interval."""
 
-reward_of: Callable[[Any, Any], float] = spelled_out(
+running_cost: Callable[[Any, Any], float] = spelled_out(
     """
-def reward_of(weights, terms):
-    reward = 0.0
-    reward -= weights.{field} * terms.{field}
-    return reward
+def running_cost(weights, terms):
+    cost = 0.0
+    cost += weights.{field} * terms.{field}
+    return cost
 """,
     TERMS,
     globals(),
 )
-"""Minus the weighted sum of the terms."""
+"""Return the weighted sum of the terms of a control interval."""
+
+
+@compiled
+def reward_of(cost: float, failed: bool, worst_cost: float, intervals: int, elapsed: int) -> float:
+    """Return the reward of a control interval.
+
+    A running interval costs from 0 to ``worst_cost``. The interval in which the ship fails costs
+    ``worst_cost`` for every interval of a whole episode, and once more for each that is not completed.
+    So an episode that fails in interval k of N (from 0) returns at most -(2 N - k) worst_cost, and one
+    that does not fail returns at least -N worst_cost, which is higher by worst_cost or more. Surviving
+    another interval never lowers the return of an episode that fails later.
+
+    Args:
+        cost: of :func:`running_cost`; not a number counts as the worst.
+        failed: whether the engine stalled or tripped in this interval.
+        worst_cost: bound of an interval's cost.
+        intervals: control intervals N of a whole episode.
+        elapsed: intervals k completed before this one.
+    """
+    if failed:
+        return -worst_cost * (2.0 * intervals - elapsed)
+    if not cost < worst_cost:
+        cost = worst_cost
+    return 0.0 - max(cost, 0.0)

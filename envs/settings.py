@@ -4,17 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from ..plant import Sea, Ship, get_sea
 from .records import MAX_ORDERS, NOISE
 from .tasks import Task
 
-ACTION_MODES = ("rack", "shaft-speed")
+ActionMode = Literal["rack", "shaft-speed"]
+
+ACTION_MODES: tuple[str, ...] = get_args(ActionMode)
+"""What the second action commands."""
+
+_ALLOWED = {
+    "observer": ": must be the name of an observer",
+    "tuning": ": must be the name of a tuning, or None",
+    "sensor_noise": ": must be 0 or more (1: the usual instruments), or an rms by instrument",
+    "control_interval_s": " s: must be a number of seconds above 0 and finite",
+    "episode_s": " s: must be a number of seconds above 0 and finite",
+    "randomise": ": must map keys of the ship's file to half widths",
+    "normalised": ": must be True or False",
+}
+"""What a keyword may be, in words."""
 
 SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
 
@@ -25,8 +40,7 @@ SeaRange = tuple[Sea, Sea]
 """Lowest and highest value of every parameter; an episode draws each uniformly between them."""
 
 
-@dataclass(frozen=True)
-class Settings:
+class Settings(BaseModel):
     """Keywords of an environment.
 
     Args:
@@ -49,51 +63,48 @@ class Settings:
             of a governor that runs at the plant's time step.
     """
 
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
     ship: Any = None
     task: Any = "speed-keeping"
     observer: str = "random-walk-kalman"
     tuning: str | None = None
-    sea: SeaChoice = None
+    sea: Any = None
     sensor_noise: float | Mapping[str, float] = 1.0
-    control_interval_s: float = 0.5
-    episode_s: float = 300.0
+    control_interval_s: float = Field(0.5, gt=0)
+    episode_s: float = Field(300.0, gt=0)
     randomise: Mapping[str, float] | None = None
     normalised: bool = False
-    action_mode: str = "rack"
+    action_mode: ActionMode = "rack"
+
+    @model_validator(mode="after")
+    def _check_length(self) -> Settings:
+        """Refuse an episode of no control interval, or of more than :data:`LARGEST_EPISODE`."""
+        intervals = self.episode_s / self.control_interval_s
+        if intervals > LARGEST_EPISODE + 0.5:
+            raise ValueError(
+                f"episode_s = {self.episode_s!r} s: {intervals:.3g} control intervals; an "
+                f"episode has at most {LARGEST_EPISODE:.0e}"
+            )
+        if self.intervals < 1:
+            raise ValueError(
+                f"episode_s = {self.episode_s!r} s is shorter than a control interval of "
+                f"{self.control_interval_s!r} s"
+            )
+        return self
 
     @staticmethod
     def of(keywords: Mapping[str, Any]) -> Settings:
-        """Settings from keywords.
+        """Check keywords and return them as settings.
 
         Raises:
-            ValueError: an unknown keyword, an unknown action mode, a time that is not positive, or an
-                episode shorter than a control interval.
+            ValueError: an unknown keyword, a value of another kind, or one out of range; the message
+                names keyword, value and what is allowed.
         """
-        known = [field.name for field in fields(Settings)]
-        unknown = sorted(set(keywords) - set(known))
-        if unknown:
-            raise ValueError(f"unknown keyword {unknown[0]!r}; known: {', '.join(known)}")
-        found = Settings(**keywords)
-        if found.action_mode not in ACTION_MODES:
-            raise ValueError(
-                f"unknown action_mode {found.action_mode!r}; known: {', '.join(ACTION_MODES)}"
-            )
-        for name in ("control_interval_s", "episode_s"):
-            if not isinstance(getattr(found, name), int | float):
-                raise ValueError(f"{name} = {getattr(found, name)!r}: must be a number of seconds")
-            if not 0.0 < getattr(found, name) < math.inf:
-                raise ValueError(f"{name} = {getattr(found, name)!r} s: must be above 0 and finite")
-        if found.intervals > LARGEST_EPISODE:
-            raise ValueError(
-                f"episode_s = {found.episode_s!r} s: {found.intervals:.3g} control intervals; an "
-                f"episode has at most {LARGEST_EPISODE:.0e}"
-            )
-        if found.intervals < 1:
-            raise ValueError(
-                f"episode_s = {found.episode_s!r} s is shorter than a control interval of "
-                f"{found.control_interval_s!r} s"
-            )
-        return found
+        try:
+            return Settings.model_validate(dict(keywords))
+        except ValidationError as error:
+            raise ValueError(_explain(error.errors()[0])) from None
 
     @property
     def intervals(self) -> int:
@@ -113,6 +124,21 @@ class Settings:
                 f"step of {dt} s"
             )
         return steps
+
+
+def _explain(error: Any) -> str:
+    """Return a sentence about a keyword that pydantic refused."""
+    kind, given = error["type"], error["input"]
+    if kind == "value_error":
+        return str(error["ctx"]["error"])
+    name, *where = map(str, error["loc"])
+    if kind == "extra_forbidden":
+        return f"unknown keyword {name!r}; known: {', '.join(Settings.model_fields)}"
+    if name == "action_mode":
+        return f"unknown action_mode {given!r}; known: {', '.join(ACTION_MODES)}"
+    if name == "randomise" and where:
+        return f"randomise[{where[0]!r}] = {given!r}: must be a half width from 0 to below 1"
+    return f"{name} = {given!r}{_ALLOWED[name]}"
 
 
 DEFAULTS = Settings()
@@ -153,14 +179,6 @@ def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
     if not isinstance(choice, Sequence) or not choice:
         raise ValueError(f"sea = {choice!r}: must be a preset, parameters, or a list of those")
     return [sea for item in choice for sea in seas_of(item, task)]
-
-
-def drawn(sea: SeaRange | None, rng: np.random.Generator) -> Sea | None:
-    """One sea of a range; None is calm water, and draws nothing."""
-    if sea is None:
-        return None
-    low, high = (end.model_dump() for end in sea)
-    return Sea(**{name: float(rng.uniform(low[name], high[name])) for name in low})
 
 
 def noise_of(ship: Ship, choice: float | Mapping[str, float]) -> Any:

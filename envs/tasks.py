@@ -57,6 +57,11 @@ class Task(FileModel):
     cross_current_m_s: Range = Field((0.0, 0.0), description="range of the current across")
     drift_force_kN: Range = Field((0.0, 0.0), description="range of the slow side force's mean")
     weights: Weights
+    worst_cost: float = Field(
+        gt=0,
+        le=1e9,
+        description="bound of a control interval's cost, which a failed episode exceeds on average",
+    )
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
     held_out: HeldOut | None = None
 

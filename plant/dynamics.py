@@ -289,6 +289,7 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
     """
     waits = plant.charge_lag.real > 0.0 or plant.warmth_lag.real > 0.0
     for _ in range(60 if waits else 3):
+        before = state
         state = _without_rates(plant, state, inputs, LAGGING)
         if waits:
             state = _without_rates(plant, state, inputs, WAITING)
@@ -296,6 +297,8 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
             state = moved(state, AIR, _to_rest(plant, state, inputs, AIR))
         for k in range(plant.term_states):
             state = moved(state, TERM_STATES[k], _to_rest(plant, state, inputs, TERM_STATES[k]))
+        if state == before:  # to the last bit, so further rounds would change nothing
+            break
     return state
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from ..core.compiled import compiled
 from .surroundings import GRAVITY
 
 STEEPEST = 0.142
@@ -45,20 +46,35 @@ class Sea(BaseModel):
         return self
 
 
+@compiled
+def spectral_density(frequency: float, hs_m: float, tp_s: float, gamma: float) -> float:
+    """Return the JONSWAP spectral density S(omega) [m2 s/rad] (DNV-RP-C205, section 3.5.5).
+
+    Args:
+        frequency: omega [rad/s], positive.
+        hs_m: significant wave height [m].
+        tp_s: peak period [s].
+        gamma: peak enhancement [-].
+    """
+    peak = 2.0 * math.pi / tp_s
+    ratio = frequency / peak
+    fourth = (ratio * ratio) * (ratio * ratio)
+    pierson_moskowitz = 5.0 / 16.0 * hs_m**2 / peak / (fourth * ratio) * math.exp(-1.25 / fourth)
+    width = 0.07 if ratio <= 1.0 else 0.09
+    share = math.exp(-0.5 * ((ratio - 1.0) / width) ** 2)
+    enhancement = math.exp(share * math.log(gamma))
+    return (1.0 - 0.287 * math.log(gamma)) * pierson_moskowitz * enhancement
+
+
 def jonswap(frequency: NDArray[np.float64], sea: Sea) -> NDArray[np.float64]:
-    """JONSWAP spectral density S(omega) [m2 s/rad] with the given Hs (DNV-RP-C205, section 3.5.5).
+    """Return the density [m2 s/rad] of :func:`spectral_density` at every frequency.
 
     Args:
         frequency: omega [rad/s], positive, any shape.
         sea: Hs, Tp and gamma.
     """
-    peak = 2.0 * math.pi / sea.tp_s
-    ratio = frequency / peak
-    pierson_moskowitz = 5.0 / 16.0 * sea.hs_m**2 / peak * ratio**-5.0 * np.exp(-1.25 * ratio**-4.0)
-    width = np.where(ratio <= 1.0, 0.07, 0.09)
-    enhancement = sea.gamma ** np.exp(-0.5 * ((ratio - 1.0) / width) ** 2)
-    normalisation = 1.0 - 0.287 * math.log(sea.gamma)
-    return np.asarray(normalisation * pierson_moskowitz * enhancement)
+    density = [spectral_density(w, sea.hs_m, sea.tp_s, sea.gamma) for w in np.ravel(frequency)]
+    return np.reshape(density, np.shape(frequency))
 
 
 @functools.cache

@@ -25,7 +25,7 @@ from ..core.compiled import (
 )
 from ..core.numeric import sine_cosine
 from .kinematics import over_ground
-from .seas import Sea, jonswap
+from .seas import Sea, spectral_density
 from .state import State
 from .surroundings import GRAVITY
 
@@ -98,30 +98,53 @@ def realise(sea: Sea, depth_m: float, seed: int) -> Any:
     """
     if not 0.0 <= depth_m < math.inf:
         raise ValueError(f"depth_m = {depth_m}: must be 0 or more [m], below the surface")
-    record = np.zeros(1, SEA)[0]
-    if sea.hs_m == 0.0:
-        return record
-    rng = np.random.default_rng(seed)
-    peak = 2.0 * math.pi / sea.tp_s
-    edges = peak * _BAND_EDGES
-    width = np.diff(edges)
-    frequency = edges[:-1] + width * rng.random(COMPONENTS)
-    amplitude = np.sqrt(2.0 * jonswap(frequency, sea) * width)
-    amplitude *= sea.hs_m / 4.0 / math.sqrt(0.5 * float(np.sum(amplitude**2)))
-    wavenumber = frequency**2 / GRAVITY
-    record["present"] = 1
-    record["along"] = math.cos(math.radians(sea.heading_deg))
-    record["across"] = math.sin(math.radians(sea.heading_deg))
-    record["height_squared"] = sea.hs_m**2
-    record["amplitude"] = amplitude
-    record["velocity"] = amplitude * frequency * np.exp(-wavenumber * depth_m)
-    record["frequency"] = frequency
-    record["wavenumber"] = -wavenumber
-    record["slope"] = -record["velocity"] * record["wavenumber"]
-    record["tilt"] = -record["amplitude"] * record["wavenumber"]
-    record["phase"] = rng.uniform(0.0, 2.0 * math.pi, COMPONENTS)
-    _face(record, 0.0)
+    record = calm()
+    shares = np.random.default_rng(seed).random(2 * COMPONENTS)
+    fill_sea(record, sea.hs_m, sea.tp_s, sea.gamma, sea.heading_deg, depth_m, shares)
     return record
+
+
+@compiled
+def fill_sea(
+    sea: Record, hs_m: float, tp_s: float, gamma: float, heading_deg: float, depth_m: float,
+    shares: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Fill a calm sea record with one realisation of a JONSWAP sea; a height of 0 leaves it calm.
+
+    Args:
+        sea: SEA record of :func:`calm`, changed in place.
+        hs_m: significant wave height [m].
+        tp_s: peak period [s].
+        gamma: peak enhancement [-].
+        heading_deg: direction of the waves' travel to the ship's first course [deg].
+        depth_m: depth of the propeller's centre [m].
+        shares: random numbers uniform in [0, 1), shape (128,): the components' places within their
+            frequency bands, then their phases in turns.
+    """
+    if hs_m == 0.0:
+        return
+    peak, energy = 2.0 * math.pi / tp_s, 0.0
+    for k in range(COMPONENTS):
+        low = peak * _BAND_EDGES[k]
+        width = peak * _BAND_EDGES[k + 1] - low
+        sea.frequency[k] = low + width * shares[k]
+        variance = spectral_density(sea.frequency[k], hs_m, tp_s, gamma) * width
+        energy += variance
+        sea.amplitude[k] = math.sqrt(2.0 * variance)
+    scale = hs_m / 4.0 / math.sqrt(energy)
+    for k in range(COMPONENTS):
+        wavenumber = sea.frequency[k] ** 2 / GRAVITY
+        sea.amplitude[k] *= scale
+        sea.velocity[k] = sea.amplitude[k] * sea.frequency[k] * math.exp(-wavenumber * depth_m)
+        sea.wavenumber[k] = -wavenumber
+        sea.slope[k] = sea.velocity[k] * wavenumber
+        sea.tilt[k] = sea.amplitude[k] * wavenumber
+        sea.phase[k] = 2.0 * math.pi * shares[COMPONENTS + k]
+    sea.present = 1
+    sea.along = math.cos(math.radians(heading_deg))
+    sea.across = math.sin(math.radians(heading_deg))
+    sea.height_squared = hs_m**2
+    _face(sea, 0.0)
 
 
 class WaveMotion(NamedTuple):

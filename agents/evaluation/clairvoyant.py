@@ -18,7 +18,6 @@ a pitch command far away moves the blades no faster and would have no gradient.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -51,7 +50,6 @@ _MOVED = (1e-4, 1e-2)  # commands: rate of the pitch [1/s] and rack [mm]
 _AT_ONCE = 16  # intervals whose slopes are found in one call
 _GAIN = 1e-3  # of the cost, below which a search is not begun anew
 _BEYOND_S = 30.0  # sailed on behind an order's end in its plan, or the end would be used up
-_ENDED = 1e3  # for each interval that an episode lacks which ended
 _CARRIED = np.dtype([("state", STATE), ("memory", MEMORY), ("sea", SEA), ("episode", EPISODE)])
 
 
@@ -78,11 +76,13 @@ class Clairvoyant:
     """
 
     def __init__(self, settings: Settings, seed: int) -> None:
-        quiet = replace(settings, sensor_noise=0.0, observer="none", tuning=None)
+        quiet = settings.model_copy(
+            update={"sensor_noise": 0.0, "observer": "none", "tuning": None}
+        )
         self._one = one = Batch(1, quiet)
         if not one.ship.has_variable_pitch:
             raise ValueError(f"{one.ship.name}: a plan needs a controllable pitch")
-        one.reset(0, np_random(seed)[0], one.begin(None))
+        one.reset(np.array([0]), [np_random(seed)[0]], one.begin(None))
         one.observe(np.array([0]))
         self._first = one.environments.copy()
         plant = one.ship.record()
@@ -131,8 +131,7 @@ class Clairvoyant:
             one.step(acted[k : k + 1])
             rewards[k] = now["reward"]
             if now["ended"] != RUNNING:
-                rewards[k + 1 :] = -_ENDED
-                break
+                break  # the failure's reward is below that of any episode that runs on
         return before, rewards, acted
 
     def gradient(self, commands: NDArray[np.float64], before: NDArray[Any]) -> NDArray[np.float64]:

@@ -84,7 +84,7 @@ class EpisodeSums:
         self.power_peak = np.where(alive, np.maximum(self.power_peak, power), self.power_peak)
         self.reward += alive * reward
         self.distance = np.where(alive, info["position"], self.distance)
-        self.failed |= alive & (terms["failure"] > 0.0)
+        self.failed |= np.logical_and(alive, info.get("_ended", False))
         self.outside += alive * (info["outside_bucket"] > 0.0) * interval
         moved = np.abs(info["blade_pitch"] - self.pitch)
         self.pitch_travel += np.where(alive & np.isfinite(moved), moved, 0.0)

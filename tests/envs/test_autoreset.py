@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import pickle
+import re
 from typing import Any
 
 import gymnasium
@@ -12,7 +15,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
-from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
+from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringEnv, SteeringVectorEnv
 
 SHORT: dict[str, Any] = {"episode_s": 2.0, "task": "transit"}  # four intervals
 
@@ -73,6 +76,78 @@ def test_a_step_before_a_reset_is_refused() -> None:
         FrigateEnv(**SHORT).step(np.zeros(2))
     with pytest.raises(ResetNeeded):
         FrigateVectorEnv(2, **SHORT).step(np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("kind", [FrigateEnv, SteeringEnv])
+@pytest.mark.parametrize("ends", ["truncated", "terminated"])
+def test_a_step_after_the_end_is_refused_and_changes_nothing(kind: Any, ends: str) -> None:
+    env = kind(episode_s=2.0)
+    env.reset(seed=1)
+    action = np.zeros(env.action_space.shape)
+    if ends == "terminated":
+        env.batch.arrays.states["shaft_speed"] *= 3.0
+        assert env.step(action)[2:4] == (True, False)
+    else:
+        assert [env.step(action)[3] for _ in range(4)] == [False, False, False, True]
+    before = env.batch.environments.tobytes()
+    for _ in range(2):
+        with pytest.raises(ResetNeeded, match=r"it has ended: call reset\(\) before step\(\)"):
+            env.step(action)
+    assert env.batch.environments.tobytes() == before
+    env.reset()
+    env.step(action)
+
+
+@pytest.mark.parametrize("mask", [[True, False, True], [False, False, True]])
+def test_the_first_reset_begins_every_ship(mask: list[bool]) -> None:
+    """A mask would leave rows of zeros, which no ship has."""
+    env = FrigateVectorEnv(3, **SHORT)
+    missing = [i for i, begins in enumerate(mask) if not begins]
+    with pytest.raises(ValueError, match=re.escape(f"sub-environments {missing} have no episode")):
+        env.reset(seed=1, options={"reset_mask": np.array(mask)})
+    with pytest.raises(ResetNeeded):
+        env.step(np.zeros((3, 2)))
+    seen, _ = env.reset(seed=1, options={"reset_mask": np.ones(3, dtype=bool)})
+    assert np.array_equal(seen, FrigateVectorEnv(3, **SHORT).reset(seed=1)[0])
+    following, _ = env.reset(options={"reset_mask": np.array(mask)})
+    changed = (following != seen).any(axis=1)
+    assert changed.tolist() == mask
+
+
+@pytest.mark.parametrize("threads", [-3, 0, 2.0, True, "2", 1.5])
+def test_a_number_of_threads_that_is_none_is_refused(threads: Any) -> None:
+    with pytest.raises(ValueError, match=re.escape(f"threads = {threads!r}: must be a whole")):
+        FrigateVectorEnv(2, threads=threads)
+
+
+def stepped(env: FrigateVectorEnv, results: Any) -> None:
+    results.put(env.step(np.full((4, 2), 0.1))[0])
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+@pytest.mark.parametrize("used", [False, True])
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_a_forked_process_steps_with_threads_of_its_own(used: bool) -> None:
+    """The parent's threads do not exist in the child: a step that waits for them never returns."""
+    env, other = (FrigateVectorEnv(4, threads=2, episode_s=60.0) for _ in range(2))
+    for one in (env, other):
+        one.reset(seed=2)
+        if used:
+            one.step(np.zeros((4, 2)))
+    context = multiprocessing.get_context("fork")
+    results = context.Queue()
+    child = context.Process(target=stepped, args=(env, results), daemon=True)
+    child.start()
+    try:
+        found = results.get(timeout=60.0)
+    finally:
+        child.join(timeout=10.0)
+        hung = child.is_alive()
+        child.kill()
+    assert not hung
+    assert np.array_equal(found, other.step(np.full((4, 2), 0.1))[0])
+    assert np.array_equal(found, env.step(np.full((4, 2), 0.1))[0])  # the parent goes on as it was
+    env.close()
 
 
 def test_gymnasiums_wrappers_go_around_it() -> None:

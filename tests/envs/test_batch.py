@@ -13,7 +13,8 @@ from gymnasium.utils.seeding import np_random
 from shaftline.baselines.actions import encode
 from shaftline.baselines.governor import tune
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, Settings, get_task
-from shaftline.envs.batch import Batch, _governor_gains, _steady_table
+from shaftline.envs.batch import Batch, _governor_gains
+from shaftline.envs.starts import steady_states
 from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
 from shaftline.plant.hull import resistance, wave_resistance
 from shaftline.plant.waves import SEA
@@ -79,7 +80,7 @@ def test_between_the_steady_states_she_hardly_moves(values: dict[str, float], se
 
 def test_steady_states_are_those_of_calm_water_at_three_quarters_of_the_pitch() -> None:
     ship = load_ship("frigate")
-    table = _steady_table(ship)
+    table = steady_states(ship)
     assert np.allclose(table["drive"], np.arange(10.0, 27.0, 2.0))  # of 5 to 95 % of 40 mm
     for row in table:
         steady = equilibrium(ship, float(row["drive"]), 1.2).state
@@ -176,7 +177,9 @@ def test_a_seed_decides_every_draw() -> None:
     expected = realise(preset, ship.propeller.depth_m, wave_seed)
     for name in ("present", "amplitude", "velocity", "frequency", "wavenumber", "phase"):
         assert np.array_equal(sea[name], expected[name])
-    env.batch.reset(0, np_random(11)[0], env.batch.begin(None))  # before noise is drawn
+    env.batch.reset(
+        np.array([0]), [np_random(11)[0]], env.batch.begin(None)
+    )  # before noise is drawn
     fresh = arrays.episodes[0]
     assert fresh["random"] == rng.integers(2**63, dtype=np.uint64)
     assert np.array_equal(episode["orders"], rng.uniform(7.0, 9.0, 64))

@@ -83,7 +83,7 @@ def test_the_accelerometers_noise_reaches_the_observer_alone() -> None:
 def test_a_seed_decides_the_noise() -> None:
     """One stream, drawn instrument by instrument: what a seed shows is part of every figure."""
     batch = FrigateEnv(task=STILL, observer="none").batch
-    batch.reset(0, np.random.default_rng(0), batch.begin(None))
+    batch.reset(np.array([0]), [np.random.default_rng(0)], batch.begin(None))
     stream, memory = batch.arrays.episodes[0].copy(), batch.arrays.memories[0]
     batch.observe(np.array([0]))
     draws = [normal(stream) for _ in range(5)]

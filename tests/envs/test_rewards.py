@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from shaftline.envs import TERMS, Weights, tasks
@@ -19,6 +21,7 @@ from shaftline.envs.rewards import (
     clear_terms,
     fuel_of_all,
     reward_of,
+    running_cost,
 )
 from shaftline.plant import load_ship
 from shaftline.plant.fuel import fuel_rate
@@ -159,27 +162,74 @@ def test_steps_add_up_and_are_cleared() -> None:
         add_terms(terms, load_ship("frigate").record(), outputs(), now, 0.5, 0.2)
     assert terms["speed_error_m_s"] == pytest.approx(0.4)
     assert terms["fuel_kg_s"] == pytest.approx(0.2)
-    terms["failure"] = 1.0
     clear_terms(terms)
     assert not any(terms)
 
 
-def test_the_reward_is_minus_the_weighted_sum() -> None:
+def test_the_running_cost_is_the_weighted_sum() -> None:
     weights, terms = np.zeros((2, 1), REWARD_TERMS)[:, 0]
     for i, name in enumerate(TERMS):
         weights[name], terms[name] = 10.0**i, i + 1.0
-    assert reward_of(weights, terms) == -sum((i + 1.0) * 10.0**i for i in range(len(TERMS)))
+    assert running_cost(weights, terms) == sum((i + 1.0) * 10.0**i for i in range(len(TERMS)))
     for name in TERMS:
         alone = np.zeros(1, REWARD_TERMS)[0]
         alone[name] = 2.0
-        assert reward_of(weights, alone) == -2.0 * weights[name]
+        assert running_cost(weights, alone) == 2.0 * weights[name]
+
+
+@pytest.mark.parametrize(
+    ("cost", "reward"),
+    [(0.0, 0.0), (3.5, -3.5), (4.0, -4.0), (4.5, -4.0), (math.inf, -4.0), (math.nan, -4.0),
+     (-2.0, 0.0)],
+)  # fmt: skip
+def test_an_interval_costs_from_nothing_to_the_tasks_worst(cost: float, reward: float) -> None:
+    assert reward_of(cost, False, 4.0, 600, 17) == reward
+
+
+def test_a_failure_costs_a_worst_episode_and_what_is_left_of_it() -> None:
+    for cost in (0.0, 3.5, 99.0, math.nan):
+        assert reward_of(cost, True, 4.0, 600, 0) == -4.0 * 1200
+        assert reward_of(cost, True, 4.0, 600, 599) == -4.0 * 601
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    costs=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60),
+    other=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60),
+    worst=st.floats(1e-6, 1e9),
+    data=st.data(),
+)
+def test_no_failure_outscores_any_sequence_of_costs_without_one(
+    costs: list[float], other: list[float], worst: float, data: st.DataObject
+) -> None:
+    """By the worst cost or more, whatever the costs, whenever it fails; and a later one never loses."""
+    n = len(costs)
+
+    def returned(costs: list[float], failing: int | None) -> float:
+        """Return the sum of rewards, added one by one as an agent does."""
+        total = 0.0
+        for k, cost in enumerate(costs):
+            total += reward_of(cost, k == failing, worst, n, k)
+            if k == failing:
+                break
+        return total
+
+    kept = returned(costs, None)
+    failing = data.draw(st.integers(0, n - 1))
+    failed = returned((other * n)[:n], failing)
+    assert failed < kept
+    assert failed <= -worst * n < 0.0
+    assert kept >= -worst * n * (1.0 + 1e-12)
+    if failing + 1 < n:
+        rounding = 1e-12 * worst * n
+        assert returned((other * n)[:n], failing + 1) >= failed - rounding
 
 
 def test_weights_are_costs_and_few_have_a_default() -> None:
     needed = [name for name, field in Weights.model_fields.items() if field.is_required()]
     assert needed == list(TERMS[:7])
     plain = Weights(**dict.fromkeys(needed, 0.0))
-    assert [getattr(plain, name) for name in TERMS[7:]] == [*9 * (0.0,), 500.0]
+    assert [getattr(plain, name) for name in TERMS[7:]] == 9 * [0.0]
     with pytest.raises(ValidationError, match="frozen"):
         plain.overload = 1.0
     with pytest.raises(ValidationError, match="finite"):
@@ -211,7 +261,8 @@ def test_the_page_of_steering_tells_its_weights() -> None:
     told = {name.strip("`"): [*map(float, row)] for name, *row in rows}
     weights = [task.weights.model_dump() for task in tasks(steered=True).values()]
     meant = {n: [w[n] for w in weights] for n in TERMS if any(w[n] for w in weights)}
-    assert told == meant
+    worst = [task.worst_cost for task in tasks(steered=True).values()]
+    assert told == meant | {"worst_cost": worst}
 
 
 def test_the_page_tells_every_term_as_it_is_declared() -> None:
@@ -225,7 +276,7 @@ def test_the_page_tells_every_term_as_it_is_declared() -> None:
     }
     assert {name.strip("`"): [*map(float, row)] for name, *row in weights} == {
         name: [getattr(task.weights, name) for task in tasks().values()] for name in TERMS
-    }
+    } | {"worst_cost": [task.worst_cost for task in tasks().values()]}
     assert {name.strip("`"): (ship, text) for name, ship, text in asked} == {
         name: (task.vessel, task.description) for name, task in tasks().items()
     }

@@ -40,8 +40,8 @@ def made_up(k: int) -> dict[str, Any]:
             "near_limit": column((0.91, 1.0, 1.0), (0.89, 1.0, 1.0)),
             "overspeed": column((0.0, 0.0, 0.01), (0.02, 0.03, 0.9)),
             "cavitation": column((0.5, 0.5, 0.5), (0.0, 0.0, 0.9)),
-            "failure": column((0.0, 0.0, 0.0), (0.0, 1.0, 1.0)),
         },
+        "_ended": np.array([False, k > 0]),
     }  # fmt: skip
 
 
