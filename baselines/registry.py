@@ -7,6 +7,7 @@ A package offers its own by entry points of the group ``shaftline.controllers`` 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -75,7 +76,7 @@ def make_helmsman(
         made: ShapedHelmsman = kind(ship, interval_s, speed_m_s, **options)
         return made
     except TypeError as error:
-        raise ControllerError(f"{text!r}: {error}") from None
+        raise ControllerError(f"{text!r}: {_in_own_words(error)}") from None
 
 
 def controller_names() -> list[str]:
@@ -144,7 +145,14 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     try:
         return kind(ship, interval_s, **fixed, **options)
     except TypeError as error:
-        raise ControllerError(f"{text!r}: {error}") from None
+        raise ControllerError(f"{text!r}: {_in_own_words(error)}") from None
+
+
+def _in_own_words(error: TypeError) -> str:
+    """Return what is wrong with the options of a call, without the name of what was called."""
+    if found := re.search(r"unexpected keyword argument '(.*)'", str(error)):
+        return f"option {found[1]!r} is unknown"
+    return re.sub(r"^[\w.<>]+\(\) ", "", str(error))
 
 
 def _refuse_absurd(text: str, kind: Any, options: Mapping[str, float]) -> None:

@@ -15,7 +15,8 @@ _before = sys.excepthook
 def _one_line(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     """Answer Ctrl-C while modules are imported, when no command is there yet to catch it."""
     if not issubclass(kind, KeyboardInterrupt):
-        return _before(kind, error, trace)
+        _before(kind, error, trace)
+        return
     sys.stderr.write("stopped\n")
     sys.stderr.flush()
     os._exit(STOPPED)

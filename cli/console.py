@@ -144,7 +144,10 @@ def clear_errors() -> Iterator[None]:
             warnings.showwarning = _in_one_line
             yield
     except (ValueError, OSError, MemoryError) as error:
-        said = "\n".join(map(_cut, (str(error) or "not enough memory").splitlines()))
+        text = str(error) or "not enough memory"
+        if isinstance(error, OSError) and error.strerror and error.filename is not None:
+            text = f"{error.filename}: {error.strerror.lower()}"
+        said = "\n".join(map(_cut, text.splitlines()))
         errors.print(f"[bold red]error:[/] {escape(said)}", highlight=False, soft_wrap=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:

@@ -9,13 +9,14 @@ import os
 import pickle
 from typing import Any
 
-from numba.core.caching import IndexDataCacheFile
+from numba.core import caching
 
+_Plain: Any = caching.IndexDataCacheFile
 _DIGEST = 32
 """Bytes of SHA-256, which stand before the contents of a file."""
 
 
-class CheckedCacheFile(IndexDataCacheFile):  # type: ignore[misc]
+class CheckedCacheFile(_Plain):
     """Numba's index and data files, of which those with a wrong digest are removed instead of loaded.
 
     Numba unpickles and links whatever stands there. Bits that a disk lost would raise an error from

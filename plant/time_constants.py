@@ -39,7 +39,7 @@ def time_constants(ship: Ship) -> dict[str, float]:
     Args:
         ship: the ship.
     """
-    found = {}
+    found: dict[str, float] = {}
     for name in type(ship).model_fields:
         section = getattr(ship, name)
         if isinstance(section, Section) and all(getattr(ship, n) for n in section.needs.split()):

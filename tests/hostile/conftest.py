@@ -47,7 +47,7 @@ def _texts(mark: Path) -> dict[str, str]:
         "term.toml": '[[term]]\nid = "x"\n',
         "code.toml": '[[term]]\nid = "x"\nbalance = "shaft"\nformula = "'
         f"__import__('os').system('touch {mark}')\"\n",
-        "unit.toml": '[columns]\ntime_s = {name = "t", unit = "m**9**9**9**9"}\n',
+        "unit.toml": '[columns]\nt = {column = "time_s", unit = "m**9**9**9**9/s"}\n',
         "deep-map.toml": "x = " + "{a=" * 3000 + "1" + "}" * 3000,
         "separator.toml": '[file]\nseparator = "abc"\n',
         "row.toml": "[file]\nheader_row = 900\n",

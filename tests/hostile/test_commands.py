@@ -44,8 +44,10 @@ def _rows() -> Iterator[tuple[str, str]]:
         yield f"list --markdown {place}", words
         yield f"list --effects --json {place}", words
         if "folder" not in words:
-            yield f"evaluate --controller combinator --seeds 1 --out {place}/ev", ""
-            yield f"prove --cases 1 --out {place}/pr", ""
+            why = "too long" if len(place) > 200 else "is a file"
+            why = "cannot be written" if place.startswith("/proc") else why
+            yield f"evaluate --controller combinator --seeds 1 --out {place}/ev", why
+            yield f"prove --cases 1 --out {place}/pr", why
     for place in ("fig", "fig.xyz", "fig.", ".png"):
         yield f"simulate --case rack_step --figure {place}", "a picture's file ends in"
     for place in ("/dev/null", "pipe.csv", "folder.toml"):
@@ -63,9 +65,11 @@ def _rows() -> Iterator[tuple[str, str]]:
         yield f"train --task transit --recipe {name}.yml --out tr", words
     yield "train --task transit --algorithm sac --recipe buffer.yml --out tr", "buffer_size"
     for option, words in {
-        "--envs 0": "", "--envs 1000000000": "--envs", "--timesteps -1": "", "--timesteps 0": "",
-        "--seed -1": "", "--sensor-noise nan": "--sensor-noise", "--sensor-noise -1": "--sensor-noise",
-        "--observer nobody": "unknown observer", "--ship nobody": "unknown ship", "--device tpu": "",
+        "--envs 0": "'--envs'", "--envs 1000000000": "--envs", "--timesteps -1": "'--timesteps'",
+        "--timesteps 0": "'--timesteps'", "--seed -1": "'--seed'",
+        "--sensor-noise nan": "--sensor-noise", "--sensor-noise -1": "--sensor-noise",
+        "--observer nobody": "unknown observer", "--ship nobody": "unknown ship",
+        "--device tpu": "'tpu' is not",
         "--algorithm dqn": "unknown algorithm", "--ship kvlcc2": "kvlcc2",
         "--ship folder.toml": "is a folder",
     }.items():  # fmt: skip
@@ -74,21 +78,25 @@ def _rows() -> Iterator[tuple[str, str]]:
     for name, words in {
         "anti-spin:sea_margin=nan": "finite", "anti-spin:sea_margin=inf": "finite",
         "anti-spin:sea_margin=1,sea_margin=2": "stands twice", "anti-spin:sea_margin": "name=number",
-        "anti-spin:=3": "", "anti-spin:nope=3": "nope", "combinator:response_s=-1": "response",
+        "anti-spin:=3": "option '' is unknown", "anti-spin:nope=3": "nope",
+        "combinator:response_s=-1": "response",
         "combinator:response_s=0": "response", "policy:junk.npz": "not a policy file",
         "policy:other.npz": "not a policy file", "policy:bomb.npz": "unpacks to 200 MB",
         "policy:pipe.npz": "no such policy", "policy:zero.npz": "no such policy",
         "policy:nobody": "no such policy", "policy:": "unknown controller", "nobody:Class": "nobody",
-        "os:system": "", "json:loads:x=1": "", "builtins:exec": "", "''": "unknown controller",
+        "os:system": "a class with a method predict", "json:loads:x=1": "a class with a method predict",
+        "builtins:exec": "a class with a method predict", "''": "unknown controller",
         "combinatr": "combinator",
     }.items():  # fmt: skip
         yield f"evaluate --controller {name} --seeds 1 --episode-s 5 --out ev", words
     for option, words in {
-        "--seeds 0": "", "--seeds -3": "", "--episode-s 1e12": "", "--episode-s nan": "",
-        "--episode-s inf": "", "--episode-s 0": "", "--sea hs=nan,tp=9": "hs", "--sea hs=-1,tp=9": "hs",
+        "--seeds 0": "'--seeds'", "--seeds -3": "'--seeds'", "--episode-s 1e12": "'--episode-s'",
+        "--episode-s nan": "'--episode-s'", "--episode-s inf": "'--episode-s'",
+        "--episode-s 0": "'--episode-s'", "--sea hs=nan,tp=9": "hs", "--sea hs=-1,tp=9": "hs",
         "--sea hs=1e9,tp=9": "hs", "--sea hs=3": "peak period", "--sea state-99": "state-99",
         "--sea hs=3,tp=0": "tp", "--sea hs=3,tp=9,xx=1": "xx", "--observer nobody": "unknown observer",
-        "--jobs 0": "", "--jobs -1": "", "--backend dask": "--scheduler", "--scheduler x": "--backend",
+        "--jobs 0": "'--jobs'", "--jobs -1": "'--jobs'", "--backend dask": "--scheduler",
+        "--scheduler x": "--backend",
         "--ship rov-thruster": "rov-thruster",
     }.items():  # fmt: skip
         yield f"evaluate --controller combinator --out ev {option}", words
@@ -96,31 +104,38 @@ def _rows() -> Iterator[tuple[str, str]]:
         yield f"prove --out pr {option}", "--cases"
     for option in ("--seed -1", "--variant nobody", "--jobs 0"):
         yield f"prove --cases 1 --out pr {option}", option.split()[0]
-    for option in ("--speed nan", "--speed -5", "--speed 1e9", "--speed 0", "--drive 1e9", "--pitch 99",
-                   "--drive nan", "--ship nobody", "--output ''", ""):  # fmt: skip
-        yield f"linearise --out li {option}", ""
+    for option, words in {
+        "--speed nan": "a speed of nan", "--speed -5": "a speed of -5 is", "--drive 1e9": "from 0 to 40",
+        "--speed 1e9": "a speed of 1e+09 is", "--speed 0": "a speed of 0 is", "--pitch 99": "--pitch 99",
+        "--drive nan": "--drive nan mm: must be", "--ship nobody": "unknown ship",
+        "--speed 8 --output ''": "at least one output is needed", "": "give either --speed or --drive",
+    }.items():  # fmt: skip
+        yield f"linearise --out li {option}", words
     yield "linearise --speed 8 --output nobody --out li", "nobody"
-    for option in (
-        "--speed nan",
-        "--speed 1e9",
-        "--interval 0",
-        "--interval nan",
-        "--interval 1e9",
-    ):
-        yield f"loop speed-pilot --out lo {option}", ""
+    for option, words in {
+        "--speed nan": "a speed of nan", "--speed 1e9": "a speed of 1e+09",
+        "--interval 0": "--interval 0 s", "--interval nan": "--interval nan s",
+        "--interval 1e9": "--interval 1e+09 s",
+    }.items():  # fmt: skip
+        yield f"loop speed-pilot --out lo {option}", words
     yield "loop speed-pilot --out lo --command nobody", "unknown command"
     yield "loop nobody --out lo", "nobody"
     yield "loop speed-pilot --reading nobody --out lo", "of a law of your own"
     yield "loop 3,0.4/1,0 --reading nobody --out lo", "--reading nobody: known are"
-    for option in ("nobody", "turning-circle --speed 1e9", "turning-circle --ship frigate",
-                   "turning-circle --scale 0", "turning-circle --scale nan",
-                   "turning-circle --speed nan"):  # fmt: skip
-        yield f"manoeuvre {option} --out ma", ""
-    for name in ("nobody", "''", "all nobody"):
-        yield f"reproduce {name} --out re", ""
-    for option in ("--template nobody", "--out file", "--out empty.toml", "--out x.txt",
-                   "--out /dev/null", "--out folder.toml"):  # fmt: skip
-        yield f"new-ship {option}", ""
+    for option, words in {
+        "nobody --speed 7": "unexpected extra argument", "--speed 1e9": "a speed of 1e+09",
+        "--speed 7": "frigate cannot be steered", "--speed 7 --scale 0": "scale",
+        "--speed 7 --scale nan": "scale", "--speed nan": "a speed of nan",
+    }.items():  # fmt: skip
+        own = "frigate" if "steered" in words else "kvlcc2"
+        yield f"manoeuvre --ship {own} --out ma {option}", words
+    for name, words in {"nobody": "unknown table 'nobody'", "''": "unknown table ''",
+                        "all nobody": "unexpected extra argument"}.items():  # fmt: skip
+        yield f"reproduce {name} --out re", words
+    yield "new-ship --template nobody", "unknown template 'nobody'"
+    for place, words in {"file": ".toml", "empty.toml": "empty.toml", "x.txt": ".toml",
+                         "/dev/null": "/dev/null", "folder.toml": "folder.toml"}.items():  # fmt: skip
+        yield f"new-ship --template electric-fixed-pitch --out {place}", words
     for option in ("--vary a", "--vary response_s=1", "--vary response_s=5:1", "--rounds 0",
                    "--vary response_s=nan:2", "--vary nope=1:2", "--episode-s inf", "--task nobody",
                    "--observer nobody", "--episode-s 1e12"):  # fmt: skip
