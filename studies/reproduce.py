@@ -29,12 +29,13 @@ def reproduce_storms(folder: Path, tick: Tick) -> Reproduced:
     found = storm_results.measured(tick)
     beside = storm_results.beside_table_1(found.numbers)
     title = "Storms: anti-spin over without"
-    body = storm_page.body(found, beside)
+    cells = storm_page.cells(beside)
+    body = f"{storm_page.body(found, beside)}\n\n{verdicts('storms', cells)}"
     write_table(folder, "storms", title, "shaftline reproduce storms", found.numbers, body)
     picture = storm_page.figure(found.traces, load_ship("frigate").time_step_s)
     figures.save(picture, folder / "figures" / "storms.png")
     numbers = beside.set_index("storm").to_dict("index")
-    return Reproduced(title, beside, storm_page.why(found), numbers, ())
+    return Reproduced(title, beside, storm_page.why(found), numbers, cells)
 
 
 def reproduce_levers(folder: Path, tick: Tick) -> Reproduced:

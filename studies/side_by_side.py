@@ -165,27 +165,6 @@ def cell_table(cells: Iterable[Cell]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["quantity", "ours", "printed", "kind", "verdict"])
 
 
-UNEXPLAINED = "not explained"
-
-
-class Row(NamedTuple):
-    """A number beside the print."""
-
-    key: str
-    what: str
-    ours: float
-    printed: str
-    low: float
-    high: float
-    why: str = ""  # it differs, or what it rests on
-    kind: str = "free"  # input, calibrated or free: given to the model, fitted, or predicted by it
-
-    @property
-    def met(self) -> bool:
-        """Whether it lies where the print allows it."""
-        return self.low <= self.ours <= self.high
-
-
 class Page(NamedTuple):
     """A page's parts."""
 
@@ -193,20 +172,3 @@ class Page(NamedTuple):
     body: str
     figures: dict[str, Figure]
     numbers: dict[str, Any]
-
-
-def table(rows: list[Row]) -> pd.DataFrame:
-    """Rows as a table: quantity, ours, printed, whether it is met."""
-    return pd.DataFrame(
-        {
-            "quantity": [row.what for row in rows],
-            "ours": [f"{row.ours:.4g}" for row in rows],
-            "printed": [row.printed for row in rows],
-            "met": ["yes" if row.met else "no" for row in rows],
-        }
-    )
-
-
-def reasons(rows: list[Row]) -> str:
-    """Why numbers differ, or what they rest on."""
-    return "\n".join(f"- {row.what}: {row.why}" for row in rows if row.why)

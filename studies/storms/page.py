@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 
 from ...display.figures import PALETTE, THESIS, TRUTH, new_figure
 from ...display.tables import markdown
+from ..cells import Cell, half_digit, number
+from ..side_by_side import published_text
 from .experiment import INTERVAL_STEPS, ORDER_M_S, RESISTANCE_FACTOR, Storm
 from .results import (
     AWARE,
@@ -29,6 +31,30 @@ from .results import (
 _SHOWN_S = 90.0
 
 
+NEAREST = "high thrust, speed held"
+"""The storm that is nearest to the paper's test: a carriage that keeps its speed."""
+
+
+def cells(beside: pd.DataFrame) -> list[Cell]:
+    """Return the paper's ratios beside those of the storm nearest to its test.
+
+    Args:
+        beside: ratios with the paper's row first, from :func:`~.storm_results.beside_table_1`.
+    """
+    digits = published_text("anti_spin_towing_tank")
+    with_it, without = digits.loc["anti-spin"], digits.loc["no-anti-spin"]
+    rows = beside.set_index("storm")
+    return [
+        number(
+            "Table 1", f"{name}, anti-spin over without", "", float(rows.loc[NEAREST, name]),
+            float(a) / float(b),
+            float(a) / float(b) * (half_digit(a) / float(a) + half_digit(b) / float(b)),
+            "half a unit of the last digit of both printed numbers",
+        )
+        for name, a, b in zip(beside.columns[1:], with_it, without, strict=True)
+    ]  # fmt: skip
+
+
 def why(results: Results) -> str:
     """Return what the ratios rest on, from the study's own numbers, as list items."""
     heads = results.suction_heads
@@ -39,7 +65,7 @@ def why(results: Results) -> str:
         return 100.0 * (cell.value(case, f"{ON} / {OFF}", quantity) - 1.0)
 
     gains = [change(case, EFFICIENCY) for case in CASES]
-    free, held = ("high thrust", "high thrust, speed held")
+    free, held = ("high thrust", NEAREST)
     per_power = "thrust per power [N/kW]"
     told = ", ".join(f"{name} {head:.2f}" for name, head in heads.items())
     return (

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from shaftline.plant import load_ship
+from shaftline.studies.cells import Kind, Verdict
 from shaftline.studies.towing_tank import page, results
 from shaftline.studies.towing_tank.experiment import Air, Programme
 
@@ -57,6 +58,11 @@ def test_page_has_every_row(tmp_path: Path) -> None:
     found = results.measured(lambda: ticks.append(1))
     assert len(ticks) == results.TICKS
     made = page.page(found)
-    assert {cell.table for cell in made.cells} == {"Table 1"}
+    kinds = [cell.kind for cell in made.cells if cell.table == "Table 1"]
+    assert kinds == [Kind.CALIBRATED] * 3 + [Kind.FREE] * 3
+    assert {cell.kind for cell in made.cells if "highest" in cell.row} == {Kind.INPUT}
+    near = next(cell for cell in made.cells if "h/R" in cell.row)
+    assert near.ours == found.pair.near
+    assert (near.verdict == Verdict.MET) == (0.95 <= found.pair.near <= 1.05)
     assert set(made.numbers["ratios"]) == {"thrust", "power", "eta_E"}
     assert len(made.figures) == 4
