@@ -52,7 +52,7 @@ def test_bollard_gain_is_that_of_the_direction(direction: float) -> None:
 def test_load_has_all_friction_of_the_line(controller: ThrustControl, direction: float) -> None:
     observer = controller.settings["law"]["observer"]
     speed = direction * 40.0
-    dry = 0.03 + 0.3 * math.atan(0.2 * 40.0)
+    dry = RIG.transmission.coulomb_friction_engine_side_N_m + 0.3 * math.atan(0.2 * 40.0)
     expected = load(0.0, speed)[1] + direction * dry
     assert shaft_load(observer, 1.0, speed) == pytest.approx(expected, rel=1e-9)
     assert observer["viscous"] == 0.008
@@ -169,13 +169,14 @@ def test_limits_ahead_and_astern_in_air() -> None:
     on = sail(ship, ThrustControl(ship), programme)
     off = sail(ship, ThrustControl(ship, anti_spin=False), programme)
     speed, air = on.samples["shaft_speed"], on.samples["ventilation"] > 0.97
+    air[200:] &= on.detected[:-200]  # called 0.4 s ago, so that the limit has been reached
     ahead, astern = air & (on.times < 12.0), air & (on.times > 14.0)
     assert ahead.sum() > 200
     assert astern.sum() > 200
     np.testing.assert_allclose(speed[ahead], 45.0, atol=1.0)
     np.testing.assert_allclose(speed[astern], -54.0, atol=1.0)
-    assert off.samples["shaft_speed"].max() == pytest.approx(75.0, abs=1.0)
-    assert off.samples["shaft_speed"].min() == pytest.approx(-75.0, abs=1.0)
+    assert off.samples["shaft_speed"].max() == pytest.approx(75.0, abs=1.5)
+    assert off.samples["shaft_speed"].min() == pytest.approx(-75.0, abs=1.5)
     assert on.motor_power.mean() < 0.85 * off.motor_power.mean()
 
 
