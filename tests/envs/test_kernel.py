@@ -187,7 +187,8 @@ def test_reward_terms_are_means_over_the_interval(mode: str) -> None:
         before = moments[-1]
     steered = ("heading_error_deg", "track_error_m", "rudder_rate_deg_s")
     never = [name for name, value in met.items() if value == 0.0 and name not in steered]
-    assert never == ([] if mode == "rack" else ["overload"])  # the governor's limiter holds it off
+    # the governor's limiter holds an overload off, but for what the rack's rate leaves
+    assert set(never) <= (set() if mode == "rack" else {"overload"})
 
 
 def test_a_failure_costs_more_than_a_worst_episode_and_is_named() -> None:

@@ -327,8 +327,7 @@ def test_a_tangent_passes_through_states_and_signals(frigate: Ship) -> None:
     for j, name in enumerate(names):
         h = 1e-6
         up, down = (
-            evaluate(ship.record(), state._replace(**{name: getattr(state, name) + s}), inputs, 1.2,
-                     False)
+            evaluate(ship.record(), state._replace(**{name: getattr(state, name) + s}), inputs, 1.2)
             for s in (h, -h)
         )  # fmt: skip
         for i, other in enumerate(names):
