@@ -61,6 +61,19 @@ def check_writable(path: Path, folder: bool = False) -> None:
         raise FileError(f"{path}: cannot be written to: {error.strerror}") from None
 
 
+def reason_of(error: BaseException) -> str:
+    """Return why a file cannot be read, without error numbers and the names of libraries' internals.
+
+    Args:
+        error: of the operating system, of a parser or of Python.
+    """
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror.lower()
+    return " ".join(str(error).split())
+
+
 def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
     """The text of a file.
 
@@ -80,7 +93,7 @@ def read_text(path: Path, largest: int = LARGEST_TEXT) -> str:
     except UnicodeDecodeError:
         raise FileError(f"{path}: cannot be read: it is not UTF-8 text; save it as such") from None
     except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error}") from None
+        raise FileError(f"{path}: cannot be read: {reason_of(error)}") from None
 
 
 def toml_of(text: str, source: str) -> dict[str, Any]:

@@ -16,7 +16,7 @@ _DIGEST = 32
 """Bytes of SHA-256, which stand before the contents of a file."""
 
 
-class CheckedCacheFile(_Plain):
+class CheckedCacheFile(_Plain):  # type: ignore[misc]
     """Numba's index and data files, of which those with a wrong digest are removed instead of loaded.
 
     Numba unpickles and links whatever stands there. Bits that a disk lost would raise an error from

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..core.files import refuse_special
+from ..core.files import FileError, reason_of, refuse_special
 from ..core.sizes import SizeError, check_size
 from .columns import BOUNDS, TIME
 from .table_files import LayoutError, read_sheet, read_text_table
@@ -72,13 +72,13 @@ def read_table(path: Path, layout: Mapping[str, object] = MappingProxyType({})) 
         needs = "Parquet needs pyarrow" if parquet else "a spreadsheet needs python-calamine"
         extra = "parquet" if parquet else "excel"
         raise RecordingError(f"{path}: {needs}: pip install 'shaftline[{extra}]'") from None
-    except SizeError as error:
+    except (SizeError, FileError) as error:
         raise RecordingError(str(error)) from None
     except LayoutError as error:
         raise RecordingError(f"{path}: {error}") from None
     except (OSError, ValueError) as error:  # pandas' and pyarrow's own are ValueErrors
         kind = "Parquet" if parquet else "a spreadsheet" if sheet else "CSV"
-        raise RecordingError(f"{path}: cannot be read as {kind}: {error}") from None
+        raise RecordingError(f"{path}: cannot be read as {kind}: {reason_of(error)}") from None
 
 
 def as_numbers(

@@ -185,7 +185,12 @@ def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataF
         return table
 
     above = list(range(layout.header_row - 1))
-    names = _unique(read(header=None, skiprows=above, nrows=1, dtype=str).iloc[0])
+    try:
+        names = _unique(read(header=None, skiprows=above, nrows=1, dtype=str).iloc[0])
+    except pd.errors.EmptyDataError:
+        raise LayoutError(
+            f"nothing stands in line {layout.header_row}, that of the names"
+        ) from None
     skipped = above if layout.unit_row is None else [*above, layout.unit_row - 1]
     table = read(skiprows=skipped)
     units = None

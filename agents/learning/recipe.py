@@ -25,7 +25,7 @@ from pydantic import (
     model_validator,
 )
 
-from ...core.files import FileError, read_text
+from ...core.files import FileError, read_text, reason_of
 from ...core.models import FileModel, refuse_words
 from ...core.sizes import check_size
 from ...envs import Task, Weights, get_task
@@ -178,7 +178,7 @@ def read_recipe(
     except FileError as error:
         raise RecipeError(str(error)) from None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise RecipeError(f"{file}: cannot be read as YAML ({error})") from None
+        raise RecipeError(f"{file}: cannot be read as YAML ({reason_of(error)})") from None
     if not isinstance(sections, dict) or not isinstance(sections.get(task), dict):
         known = ", ".join(map(str, sections)) if isinstance(sections, dict) else "none"
         raise RecipeError(f"{file}: no section {task!r}; it has {known}")

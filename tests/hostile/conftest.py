@@ -45,8 +45,9 @@ def _texts(mark: Path) -> dict[str, str]:
         "bool.toml": ship.replace(mass, "mass_kg = true"),
         "inf.toml": ship.replace(mass, "mass_kg = inf"),
         "term.toml": '[[term]]\nid = "x"\n',
-        "code.toml": '[[term]]\nid = "x"\nbalance = "shaft"\nformula = "'
-        f"__import__('os').system('touch {mark}')\"\n",
+        "code.toml": '[[term]]\nid = "x"\nbalance = "hull"\nacts_on = "resistance"\nexpression = "'
+        f"k * __import__('os').system('touch {mark}')\"\n"
+        "parameters = { k = { probes = [1.0] } }\n",
         "unit.toml": '[columns]\nt = {column = "time_s", unit = "m**9**9**9**9/s"}\n',
         "deep-map.toml": "x = " + "{a=" * 3000 + "1" + "}" * 3000,
         "separator.toml": '[file]\nseparator = "abc"\n',
@@ -71,6 +72,10 @@ def _texts(mark: Path) -> dict[str, str]:
             "attribute": "k * time.__class__", "lambda": "k * (lambda: 1)()",
         }.items()},
         "switch.csv": HEAD + "".join(f"{0.1 * i:.1f},True,1.2\n" for i in range(50)),
+        "measured.csv": "time_s,fuel_rack_mm,pitch_ratio_command,shaft_speed_rad_s\n"
+        + "".join(f"{0.1 * i:.1f},{20 + i % 7},1.2,{9.8 + 0.01 * (i % 5)}\n" for i in range(200)),
+        "endless.csv": "time_s,fuel_rack_mm,pitch_ratio_command,shaft_speed_rad_s\n"
+        + "".join(f"{0.1 * i:.1f},{'inf' if i == 7 else 20},1.2,9.8{i % 5}\n" for i in range(200)),
         "three.csv": "time_s,fuel_rack_mm,pitch_ratio_command,shaft_speed_rad_s\n"
         + "".join(f"{0.1 * i:.1f},20,1.2,{9.8 + 0.01 * i}\n" for i in range(3)),
         "span.csv": HEAD + "0,20,1.2\n1e12,20,1.2\n2e12,20,1.2\n",
@@ -108,7 +113,8 @@ def hostile(tmp_path_factory: pytest.TempPathFactory, mark: Path) -> Path:
     for ending in ("toml", "csv", "yml", "npz"):
         os.mkfifo(folder / f"pipe.{ending}")
         (folder / f"zero.{ending}").symlink_to("/dev/zero")
-    (folder / "null.csv").symlink_to("/dev/null")
+    for name in ("null.csv", "null.png"):
+        (folder / name).symlink_to("/dev/null")
     np.savez(folder / "other.npz", a=np.arange(3))
     (folder / "damaged").mkdir()
     (folder / "damaged" / "training.json").write_text("{")

@@ -1,6 +1,7 @@
 """Every command with what it cannot use: exit code 2, a message that names it, nothing left behind.
 
-A row is the command line, and words of the message; empty where any message will do.
+A row is the command line, and words of the message, which name the reason: a row that is refused for
+another one tries nothing.
 """
 
 from __future__ import annotations
@@ -136,38 +137,66 @@ def _rows() -> Iterator[tuple[str, str]]:
     for place, words in {"file": ".toml", "empty.toml": "empty.toml", "x.txt": ".toml",
                          "/dev/null": "/dev/null", "folder.toml": "folder.toml"}.items():  # fmt: skip
         yield f"new-ship --template electric-fixed-pitch --out {place}", words
-    for option in ("--vary a", "--vary response_s=1", "--vary response_s=5:1", "--rounds 0",
-                   "--vary response_s=nan:2", "--vary nope=1:2", "--episode-s inf", "--task nobody",
-                   "--observer nobody", "--episode-s 1e12"):  # fmt: skip
-        yield f"tune --controller combinator --rounds 1 --seeds 1 {option}", ""
-    for option in ("--vary gamma", "--vary gamma=", "--vary =1:2", "--vary gamma=0.9",
-                   "--vary gamma=nan:1", "--vary gamma=2:1", "--vary gamma=0.5:5.0",
-                   "--vary gama=0.5:0.9",
-                   "--vary n_timesteps=10:20", "--vary weights.fuel_kg_s=1:2", "--vary a.b.c=1:2",
-                   "--vary env_kwargs.sensor_noise=0:1.0", "--vary gamma=m**9**9,2",
-                   "--vary learning_rate=1e-9:1e9", "--vary n_steps=1:1000000000000", "--trials 0",
-                   "--seeds 0", "--fresh 0", "--task nobody", "--ship nobody", "--algorithm nobody",
-                   "--recipe deep.yml", "--recipe zero.toml", "--out file", "--envs 0"):  # fmt: skip
-        yield f"tune-recipe {option if '--out' in option else option + ' --out ts'}", ""
+    for option, words in {
+        "--vary a": "OPTION=LOW:HIGH", "--vary response_s=1": "OPTION=LOW:HIGH",
+        "--vary response_s=5:1": "5.0 to 1.0", "--vary response_s=nan:2": "nan to 2.0",
+        "--vary nope=1:2": "'nope'", "--episode-s inf": "'--episode-s'",
+        "--episode-s 1e12": "'--episode-s'", "--task nobody": "unknown task",
+        "--observer nobody": "unknown observer",
+    }.items():  # fmt: skip
+        yield f"tune --controller combinator --rounds 1 --seeds 1 {option}", words
+    yield "tune --controller combinator --rounds 0", "'--rounds'"
+    for option, words in {
+        "--vary gamma": "KEY=LOW:HIGH", "--vary gamma=": "KEY=LOW:HIGH", "--vary =1:2": "KEY=LOW:HIGH",
+        "--vary gamma=0.9": "gamma = '0.9'", "--vary gamma=nan:1": "gamma = 'nan:1'",
+        "--vary gamma=2:1": "gamma = '2:1'", "--vary gamma=0.5:5.0": "gamma = 5: must be above 0",
+        "--vary gama=0.5:0.9": "unknown key 'gama'", "--vary a.b.c=1:2": "unknown key 'a'",
+        "--vary n_timesteps=10:20": "cannot be searched", "--trials 0": "'--trials'",
+        "--vary weights.fuel_kg_s=1:2": "cannot be searched", "--seeds 0": "'--seeds'",
+        "--vary env_kwargs.sensor_noise=0:1.0": "cannot be searched", "--fresh 0": "'--fresh'",
+        "--vary gamma=m**9**9,2": "gamma = 'm**9**9'",
+        "--vary n_steps=1:1000000000000": "n_steps = 1e+12",
+        "--vary learning_rate=1e-9:1e9": "learning_rate = 1e+09", "--task nobody": "unknown task",
+        "--ship nobody": "unknown ship", "--algorithm nobody": "unknown algorithm",
+        "--recipe deep.yml": "nested too deeply", "--recipe zero.toml": "no ordinary file",
+        "--envs 0": "'--envs'",
+    }.items():  # fmt: skip
+        yield f"tune-recipe {option} --out ts", words
+    yield "tune-recipe --out file", "is a file"
     yield "tune --controller nobody --rounds 1 --seeds 1", "nobody"
-    for option in ("empty.csv", "bytes.csv", "zero.csv", "pipe.csv", "nowhere.csv", "span.csv",
-                   "ok.csv --effects term.toml", "ok.csv --effects code.toml", "folder.toml",
-                   "ok.csv --effects zero.toml", "ok.csv --columns unit.toml",
-                   "ok.csv --columns deep-map.toml", "ok.csv --columns zero.toml",
-                   "ok.csv --columns pipe.toml", "ok.csv --tolerance nan", "ok.csv --tolerance -1",
-                   "ok.csv --hold-out nowhere.csv", "ok.csv --exclude nobody"):  # fmt: skip
-        yield f"diagnose {option} --ship frigate --out di", ""
+    unreadable = {"empty": "it is empty", "bytes": "bytes that are no text", "zero": "no ordinary file",
+                  "pipe": "no ordinary file", "nowhere": "no such file"}  # fmt: skip
+    maps = {"unit": "an exponent is one number", "deep-map": "nested too deeply", "pipe": "no ordinary",
+            "zero": "no ordinary file"}  # fmt: skip
+    for option, words in {
+        **{f"{name}.csv": why for name, why in unreadable.items()},
+        "folder.toml": "holds no recording", "ok.csv --effects term.toml": "balance is missing",
+        "ok.csv --effects code.toml": "__import__", "ok.csv --effects zero.toml": "no ordinary file",
+        **{f"ok.csv --columns {name}.toml": why for name, why in maps.items()},
+        "ok.csv --tolerance nan": "'--tolerance'", "ok.csv --tolerance -1": "'--tolerance'",
+        "measured.csv --hold-out nowhere.csv": "nowhere.csv",
+        "ok.csv --exclude nobody": "unknown effect",
+    }.items():  # fmt: skip
+        yield f"diagnose {option} --ship frigate --out di", words
     yield "diagnose ok.csv --ship zero.toml --out di", "no ordinary file"
     yield "diagnose --example --ship frigate --out di", "brings its own"
     yield "diagnose --example --out file", "is a file"
-    files = ("empty", "bytes", "zero", "pipe", "nowhere", "span", "nan", "text", "twice")
-    for option in (*(f"{name}.csv" for name in files), "book.xlsx", "bomb.xlsx", "ok.csv --figure fig",
-                   *(f"ok.csv --columns {name}.toml" for name in ("unit", "zero", "separator", "row")),
-                   "ok.csv --figure /dev/null"):  # fmt: skip
-        yield f"check {option} --ship frigate", ""
-    for option in ("ok.csv --free nobody", "ok.csv --method magic", "empty.csv", "twice.csv",
-                   "ok.csv --tolerance nan"):  # fmt: skip
-        yield f"identify {option} --ship frigate --out id", ""
+    for option, words in {
+        **{f"{name}.csv": why for name, why in unreadable.items()},
+        "span.csv": "shaft_speed_rad_s", "endless.csv": "not a finite number", "text.csv": "is missing",
+        "twice.csv": "stands twice", "book.xlsx": "no spreadsheet", "bomb.xlsx": "unpacks to 600 MB",
+        "ok.csv --figure fig": "a picture's file ends in",
+        "ok.csv --figure null.png": "no ordinary file",
+        "ok.csv --columns unit.toml": maps["unit"], "ok.csv --columns zero.toml": maps["zero"],
+        "ok.csv --columns separator.toml": "file.separator", "ok.csv --columns row.toml": "line 900",
+    }.items():  # fmt: skip
+        yield f"check {option} --ship frigate", words
+    for option, words in {
+        "ok.csv --free nobody": "nobody is no number", "ok.csv --method magic": "unknown method",
+        "empty.csv": "it is empty", "twice.csv": "stands twice",
+        "ok.csv --tolerance nan": "'--tolerance'",
+    }.items():  # fmt: skip
+        yield f"identify {option} --ship frigate --out id", words
     yield "simulate --ship utf16.toml --case rack_step --out o.csv", "not UTF-8 text"
     for option, words in (("loop.csv", "symbolic links"), ("wide.csv", "first line is longer"),
                           ("three.csv", "at least 10 are needed")):  # fmt: skip
@@ -247,6 +276,10 @@ def test_is_refused(
     assert _contents(hostile) == before
     assert [os.stat(name).st_rdev for name in ("/dev/null", "/dev/full", "/dev/zero")] == devices
     assert not mark.exists()
+
+
+def test_every_row_names_its_reason() -> None:
+    assert [line for line, words in ROWS if not words] == []
 
 
 def test_none_of_them_is_left_out() -> None:
