@@ -147,9 +147,9 @@ def load_torque(plant: Record, propeller_torque: Real, shaft_speed: Real) -> Rea
 
 
 @compiled
-def inertia_behind_gauge(plant: Record) -> float:
+def inertia_behind_gauge(plant: Record) -> Real:
     """Inertia [kg m2] of what turns behind the torque gauge: I_R and entrained water."""
-    return float(plant.inertia_propeller_side + plant.entrained_inertia)
+    return plant.inertia_propeller_side + plant.entrained_inertia
 
 
 @compiled

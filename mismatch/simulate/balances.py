@@ -114,7 +114,7 @@ class Balances:
         # a jump at standstill makes a torque of one sign of a noisy speed's wander about 0
         self._prompt["coulomb_engine_side"] = self._prompt["coulomb_propeller_side"] = 0.0
         self.moving = replay.ship.moves and "ship_speed_m_s" in replay.channels
-        self.gauged = "shaft_torque_N_m" in replay.channels
+        self.gauged = "shaft_torque_N_m" in replay.channels and self._moved("shaft_torque_N_m")
         self.prime_mover = replay.ship.drive_balance
         rows = []
         # what never moves is known no better than its unknown resolution
