@@ -119,10 +119,13 @@ def diagnose(
     The recording's orders drive the simulated ship. What the ship then does otherwise than it was
     measured is looked at balance by balance (engine, propeller, hull, pitch actuator, instruments),
     compared with a catalogue of effects, fitted, and judged on a part that was set aside before
-    anything was fitted. There are three honest verdicts, and each ends with exit code 0:
+    anything was fitted. There are four verdicts, and each ends with exit code 0:
 
     - **explained**: this effect, of this size, with a 95 % interval, and the names that the recording
       cannot tell from it;
+
+    - **partly-explained**: this effect holds for itself, and something else is left, whose balance is
+      named;
 
     - **nothing-missing**: noise and the tolerances of the ship's numbers explain the difference, or
       the recording is too short or too dull to decide, and the sentence says so;

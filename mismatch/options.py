@@ -12,7 +12,8 @@ from ..plant.ship import Ship
 from ..plant.ship_errors import ShipError
 from .numbers.start import check_free
 from .recordings.joint import Recorded
-from .search.catalogue import OUTSIDE, applicable, catalogue
+from .recordings.load import OUTSIDE
+from .search.catalogue import applicable, catalogue
 from .search.effect import Effect
 from .search.entries import read_entries
 

@@ -22,7 +22,7 @@ PRODUCT = (
     "core", "plant", "display", "observers", "baselines", "envs", "agents", "mismatch", "cli",
 )  # fmt: skip
 MOST = {
-    "observer": 2, "controller": 2, "reward-term": 2, "effect": 2, "compiled-effect": 2,
+    "observer": 2, "controller": 2, "reward-term": 2, "term": 2, "compiled-effect": 2,
     "effect-with-state": 4, "drive": 3, "ship": 1, "sea": 1, "task": 1,
 }  # fmt: skip
 """Places that each may ask for, its test counted."""
@@ -90,3 +90,17 @@ def test_no_other_place_is_touched(recipe: str, example: dict[str, Any]) -> None
             if file.name != "__init__.py" and file not in named:
                 found = said(file) & set(example["words"])
                 assert not found, f"{file.relative_to(ROOT)} speaks of {', '.join(found)}"
+
+
+@pytest.mark.parametrize(("recipe", "table"), [("term", "term"), ("compiled-effect", "effect")])
+def test_a_recipe_names_the_table_of_the_catalogue_that_its_author_writes(
+    recipe: str, table: str
+) -> None:
+    text = next(part for part in _TEXT.split("```toml\n") if f"[{recipe}]" in part.split("```")[0])
+    before = _TEXT[: _TEXT.index(text)].rpartition("```")[0].rpartition("```")[2]
+    named = set(re.findall(r"\[\[(\w+)\]\]", before)) & {"term", "effect"}
+    assert named == {table}
+    catalogue = tomllib.loads((ROOT / "mismatch/search/catalogue.toml").read_text("utf-8"))
+    if recipe == "term":
+        ids = {entry["id"] for entry in catalogue[table]}
+        assert {word for example in RECIPES[recipe]["examples"] for word in example["words"]} <= ids

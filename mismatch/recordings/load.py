@@ -40,6 +40,16 @@ from .spikes import without_spikes
 from .time_base import filled, on_even_time, spread
 from .yardstick import Yardstick
 
+OUTSIDE = {
+    "drift_angle": "rad",
+    "sway_speed": "m/s",
+    "yaw_rate": "rad/s",
+    "rudder_angle": "rad",
+    "head_wind": "m/s",
+    "side_wind": "m/s",
+}
+"""Names under which entries of the catalogue hear what a recording may hold besides, and units."""
+
 TABLE = "table"
 """Name of a recording in messages that is no file."""
 

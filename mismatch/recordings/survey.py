@@ -13,10 +13,11 @@ import pandas as pd
 from ...plant.columns import BOUNDS, COLUMNS, answered_columns, input_columns
 from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
+from ...plant.terms import OF_A_TURN
 from .columns import load_map
 from .first_map import first_map
 from .joint import refuse_few
-from .load import Recording, load_recording
+from .load import OUTSIDE, Recording, load_recording
 from .sources import Heard, Source
 
 COSTS = {
@@ -134,7 +135,7 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     sources = {} if given is None else given.sources
     recording, refused = None, ""
     try:
-        recording = load_recording(path, ship, columns)
+        recording = load_recording(path, ship, columns, OUTSIDE)  # as a diagnosis hears them
         refuse_few([recording])
     except RecordingError as error:
         recording = None
@@ -165,8 +166,13 @@ def _entry(
 ) -> Entry:
     known = source.column if source is not None else name if name in COLUMNS else ""
     if recording is not None:
-        column = known or (name if name in recording.signals else "")
-        column = column if column in recording else ""  # of what this ship does not have
+        heard = {
+            column: signal for signal, column in OF_A_TURN.items()
+        }  # by a ship that runs straight
+        names = (known, heard.get(known, ""), name if name in recording.signals else "")
+        column = next(
+            (c for c in names if c and c in recording), ""
+        )  # else the ship has no such thing
         numbers = recording[column] if column else np.array([])
         unit = recording.signals.get(column) or BOUNDS.get(column, ("", "", ""))[2]
     else:

@@ -127,6 +127,11 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
              "smallest": d.value}
             for d in diagnosis.detectable
         ],
+        "ranking": [
+            {"id": c.effect.id, "balance": c.effect.balance, "form": c.effect.form, "score": c.gain,
+             "threshold": threshold}
+            for c, threshold in diagnosis.ranking
+        ],
         "numbers": numbers_as_dict(diagnosis),
         "demands_between_rows": "lines" if diagnosis.line else "held",
         "highest_Hz": diagnosis.highest_Hz,

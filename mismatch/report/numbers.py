@@ -10,11 +10,19 @@ from ..numbers.wrong import WrongNumber
 from ..outcome import Outcome
 from .wording import breakable, number, superscript
 
-_SOURCES = {
-    "calibrated": "told by the healthy period",
-    "free": "free",
-    "tolerance": "inside its tolerance",
-}
+_SOURCES = {"calibrated": "told by the healthy period", "free": "free"}
+
+INSIDE = 2.0
+"""Standard deviations up to which a number is said to have moved inside its tolerance."""
+
+
+def source_words(moved: MovedNumber) -> str:
+    """Return how a number came to be another, in words that fit how far it moved."""
+    if moved.source in _SOURCES:
+        return _SOURCES[moved.source]
+    if abs(moved.shifts) <= INSIDE:
+        return "inside its tolerance"
+    return f"beyond its tolerance, {abs(moved.shifts):.1f} times"
 
 
 def numbers_as_dict(diagnosis: Outcome) -> dict[str, Any]:
@@ -72,7 +80,7 @@ def table_rows(diagnosis: Outcome) -> list[dict[str, str]]:
             "unit": n.unit,
             "moved": f"{n.shifts:+.1f}",
             "corrected": f"{n.corrected:.5g}",
-            "how": _SOURCES[n.source],
+            "how": source_words(n),
         }
         for n in diagnosis.numbers
     ]
@@ -88,7 +96,7 @@ def page_rows(diagnosis: Outcome) -> list[dict[str, Any]]:
             "value": number(n.value, 5),
             "error": _error(n),
             "moved": number(n.shifts, 2),
-            "how": _SOURCES[n.source],
+            "how": source_words(n),
             "corrected": number(n.corrected, 5),
         }
         for n in diagnosis.numbers

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..judge.findings import Finding
@@ -37,8 +39,16 @@ def finding_sentence(finding: Finding) -> str:
     where = f", {finding.regime}," if finding.regime else ""
     when = between(finding.windows)
     guess = f" ({finding.unmeasured}: no interval)" if finding.unmeasured else ""
-    said = f"{when[:1].upper()}{when[1:]}{where} the {subject} lacks {effect.lacks}"
+    said = f"{when[:1].upper()}{when[1:]}{where} the {subject} {what_is_missing(finding)}"
     return f"{said}, {', '.join(sizes)}{guess}."
+
+
+def what_is_missing(finding: Finding) -> str:
+    """Return what a balance lacks, or, of a value below the neutral one, what it has too much of."""
+    effect, first = finding.effect, finding.estimates[0]
+    if math.isfinite(first.neutral) and first.value < first.neutral:
+        return f"has {effect.excess or f'too much of this: {effect.lacks}'}"
+    return f"lacks {effect.lacks}"
 
 
 def partly_left(diagnosis: Outcome) -> list[BalanceVerdict]:
@@ -89,7 +99,11 @@ def sentence(diagnosis: Outcome) -> str:
         return "Something is missing that the catalogue does not name."
     signal = shape.signal.replace("_", " ")
     low, high = float(np.min(shape.values)), float(np.max(shape.values))
+    if high <= 0.0:
+        much = f"has {measure(-high, shape.unit)} to {measure(-low, shape.unit)} too much"
+    else:
+        much = f"lacks {measure(low, shape.unit)} to {measure(high, shape.unit)}"
     return (
-        f"Something is missing that has no name: the {shape.balance} balance lacks "
-        f"{measure(low, shape.unit)} to {measure(high, shape.unit)}, depending on {signal}."
+        f"Something is missing that has no name: the {shape.balance} balance {much}, depending on "
+        f"{signal}."
     )

@@ -62,14 +62,3 @@ def applicable(
         and effect.acts_on(ship)
         and not (effect.straight and turned and not ship.turns)
     ]
-
-
-OUTSIDE = {
-    "drift_angle": "rad",
-    "sway_speed": "m/s",
-    "yaw_rate": "rad/s",
-    "rudder_angle": "rad",
-    "head_wind": "m/s",
-    "side_wind": "m/s",
-}
-"""Names under which entries of the catalogue hear what a recording may hold besides, and units."""

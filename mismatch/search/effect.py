@@ -63,6 +63,7 @@ class Effect:
         equation: in plain text.
         latex: the same.
         lacks: what the balance lacks, in words: the end of the report's sentence.
+        excess: what the balance has instead where the first value lies below its neutral one.
         excitation: what the recording must do for the effect to show.
         confused_with: ids that a recording may not be able to tell from it.
         split_by: manoeuvre or sensor that would.
@@ -98,6 +99,7 @@ class Effect:
     applies_to: tuple[str, ...] = ()
     term: Term | None = None
     straight: bool = False
+    excess: str = ""
 
     def on(self, ship: Ship) -> Ship:
         """A ship with the effect's term on it, at values that change nothing; else the ship itself.

@@ -82,6 +82,7 @@ class _Entry(FileModel):
     equation: str = ""
     latex: str = ""
     lacks: str = ""
+    excess: str = ""
     excitation: str = ""
     confused_with: tuple[str, ...] = ()
     split_by: str = ""

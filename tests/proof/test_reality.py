@@ -13,11 +13,14 @@ import pytest
 from shaftline.plant import load_ship
 from shaftline.plant.replay import simulate_recording
 from shaftline.proof import cases
+from shaftline.proof.cases import draw_case
 from shaftline.proof.reality import bench, crew_demands, effects, water
+from shaftline.proof.reality.effects import FRIGATE
 from shaftline.proof.reality.instruments import read
 from shaftline.proof.reality.numbers import NEUTRAL, frigate_numbers
-from shaftline.proof.reality.sail import sail
+from shaftline.proof.reality.sail import restless, sail
 from shaftline.proof.recording import make
+from shaftline.proof.scenario import Scenario
 
 PERIOD = 0.1
 
@@ -45,6 +48,34 @@ def test_without_effects_the_thruster_is_the_plants(tmp_path: Path) -> None:
     plant = simulate_recording(load_ship(tmp_path / "ship.toml"), reality)
     for column in ("shaft_speed_rad_s", "motor_current_A", "thrust_N"):
         assert close(reality[column], plant[column], 0.002), column
+
+
+def test_demands_that_never_rest_are_held_to_the_last_sample(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A scenario integrates them sample by sample; error control alone steps over what is held."""
+    case = next(
+        c for c in (draw_case(31, i) for i in range(400))
+        if c.kind == "null-calm" and c.ship == FRIGATE and c.programme == "sweep"
+    )  # fmt: skip
+    scenario = Scenario(dataclasses.replace(case, seconds=60.0))
+    assert restless(scenario.drive)
+    found = scenario.sail(scenario.true, waves=False)
+    plain = sail(scenario.true, scenario.drive, scenario.pitch, PERIOD)
+    monkeypatch.setattr("shaftline.proof.reality.sail.JUMP", 1e-9)  # it then stops at every sample
+    exact = sail(scenario.true, scenario.drive, scenario.pitch, PERIOD)
+    for column in ("shaft_speed_rad_s", "shaft_torque_N_m"):
+        off, before = (np.abs(table[column] - exact[column]).max() for table in (found, plain))
+        assert off < 0.1 * before, column
+
+
+def test_the_thruster_holds_its_demand_over_each_sample() -> None:
+    volts = bench.voltage_programme("sines", 30.0, PERIOD, np.random.default_rng(4))
+    coarse = bench.run_bench(bench.bench_numbers(), volts, PERIOD)
+    fine = bench.run_bench(bench.bench_numbers(), np.repeat(volts, 50), PERIOD / 50)
+    for column in ("shaft_speed_rad_s", "motor_current_A"):
+        exact = fine[column].to_numpy()[::50]
+        assert np.abs(coarse[column].to_numpy() - exact).max() < 1e-5 * np.abs(exact).max(), column
 
 
 def test_the_sea_has_its_height_and_meets_the_ship() -> None:

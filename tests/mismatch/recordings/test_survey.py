@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.mismatch import Options
 from shaftline.mismatch.example import COLUMN_MAP, FOLDER, RECORDING
+from shaftline.mismatch.recordings.joint import load_jointly
+from shaftline.mismatch.recordings.load import OUTSIDE
 from shaftline.mismatch.recordings.survey import survey
-from shaftline.plant import Ship, load_ship
+from shaftline.plant import Ship, load_ship, ship_names
+from shaftline.plant.columns import signal_columns
+from shaftline.plant.terms import OF_A_TURN
+from shaftline.studies.thesis.load_cases import get_case
 
 
 def test_a_good_recording_is_told_in_full(frigate: Ship) -> None:
@@ -47,3 +54,22 @@ def test_what_is_missing_is_named_with_its_cost(calm: pd.DataFrame, tmp_path: Pa
     assert any(s.startswith("without shaft_torque_N_m: a loss of the engine and") for s in said)
     assert any(s.startswith("without ship_speed_m_s: the hull does not show") for s in said)
     assert said[-1].startswith("usable")
+
+
+@pytest.mark.parametrize("name", ship_names())
+def test_check_leaves_out_no_column_that_a_diagnosis_uses(name: str, tmp_path: Path) -> None:
+    """Every column that any ship may record, on every packaged ship, turning or not."""
+    ship, file = load_ship(name), tmp_path / "r.csv"
+    samples = get_case("rack_step").run(ship, seed=0)
+    table = pd.DataFrame({c: samples[s] for c, s in signal_columns(ship).items()})
+    drift = 0.1 * np.sin(0.05 * table["time_s"])
+    turn = {column: drift for column in OF_A_TURN.values() if column not in table}
+    outside = {signal: drift for signal in OUTSIDE if signal not in OF_A_TURN}
+    table.assign(**turn, **outside, weather=1.0).to_csv(file, index=False)
+    found = survey(file, ship)
+    assert found.recording is not None, found.refused
+    left = next(s for s in found.sentences() if s.startswith("left out")).partition(": ")[2]
+    used = {*load_jointly(ship, [file], signals=Options().signals).tables[0]}
+    heard = {column for signal, column in OF_A_TURN.items() if signal in used}
+    assert not {*left.split(", ")} & (used | heard)
+    assert "weather" in left.split(", ")

@@ -6,10 +6,13 @@ import json
 import math
 from typing import Any
 
+import pytest
+
 from shaftline.mismatch import Diagnosis
 from shaftline.mismatch.numbers.moved import MovedNumber
 from shaftline.mismatch.numbers.wrong import WrongNumber
 from shaftline.mismatch.report.html import report_html
+from shaftline.mismatch.report.numbers import source_words
 
 from ..diagnoses import diagnosis_of
 
@@ -72,3 +75,24 @@ def test_numbers_that_explain_are_the_answer() -> None:
     assert INERTIA not in found.sentence  # the corrected ship has it as the file has
     plain = diagnosis_of("nothing-missing", numbers=NUMBERS)
     assert plain.sentence.startswith("Nothing is missing: ")
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("shifts", "words"),
+    [
+        (0.0, "inside its tolerance"),
+        (1.9, "inside its tolerance"),
+        (2.1, "beyond its tolerance, 2.1 times"),
+        (5.5, "beyond its tolerance, 5.5 times"),
+        (10.7, "beyond its tolerance, 10.7 times"),
+    ],
+)
+def test_a_number_is_inside_its_tolerance_only_if_it_is(
+    shifts: float, words: str, sign: float
+) -> None:
+    moved = MovedNumber(RESISTANCE, "N", 1.0, 2.0, 0.1, sign * shifts, "tolerance", 1.0)
+    assert source_words(moved) == words
+    found = diagnosis_of("explained", numbers=[moved])
+    assert words in found.summary()
+    assert words in report_html(found)

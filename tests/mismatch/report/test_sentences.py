@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
-from shaftline.mismatch import Estimate
+import numpy as np
+import pytest
+
+from shaftline.mismatch import Effect, Estimate, catalogue
 from shaftline.mismatch.report.sentences import between, finding_sentence, sentence
 
 from ..diagnoses import diagnosis_of, entry
@@ -71,4 +75,54 @@ def test_each_verdict_has_its_sentence() -> None:
         assert "no name" in sentence(diagnosis_of("unexplained", **changes))
     assert sentence(diagnosis_of("unexplained", shape=None)) == (
         "Something is missing that the catalogue does not name."
+    )
+
+
+SIGNED = [effect for effect in catalogue() if effect.parameters[0].signed]
+
+
+def told_at(effect: Effect, value: float, neutral: float) -> str:
+    """The sentence on an effect whose first value is known to a tenth of a unit."""
+    first, *others = (Estimate(p.key, 1.0, "-", (-10.0, 10.0), 0.0, 0.1) for p in effect.parameters)
+    first = replace(first, value=value, neutral=neutral)
+    finding = diagnosis_of("explained").findings[0]
+    return finding_sentence(replace(finding, effect=effect, estimates=(first, *others)))
+
+
+@pytest.mark.parametrize("neutral", [0.0, 1.0, -2.0])
+@pytest.mark.parametrize("effect", catalogue(), ids=lambda effect: effect.label)
+def test_a_sentence_lacks_what_is_missing_and_has_what_is_too_much(
+    effect: Effect, neutral: float
+) -> None:
+    more, less = (told_at(effect, neutral + change, neutral) for change in (0.5, -0.5))
+    assert f" lacks {effect.lacks}, " in more
+    assert " lacks " not in less
+    assert " has " in less
+    assert (effect.excess or effect.lacks) in less
+
+
+def test_every_entry_of_either_sign_says_what_it_is_below_its_neutral_value() -> None:
+    assert len(SIGNED) > 30
+    for effect in SIGNED:
+        assert effect.excess, effect.label
+        assert effect.excess != effect.lacks, effect.label
+        assert "lack" not in effect.excess, effect.label
+        assert "too much" not in effect.lacks, effect.label
+
+
+def test_an_entry_of_ones_own_without_words_for_too_much_has_some() -> None:
+    own = replace(SIGNED[0], excess="", lacks="force as of ice")
+    assert "has too much of this: force as of ice, " in told_at(own, -0.5, 0.0)
+
+
+def test_a_limit_that_is_absent_at_infinity_is_lacking_below_it() -> None:
+    assert " lacks " in told_at(entry("pitch-rate-limit (pitch-actuator)"), 0.05, math.inf)
+
+
+def test_a_shape_that_is_too_much_everywhere_is_said_to_be_too_much() -> None:
+    found = diagnosis_of("unexplained")
+    assert found.shape is not None
+    much = replace(found, shape=replace(found.shape, values=-np.abs(found.shape.values)))
+    assert "the engine balance has 0 N m to 12.0 kN m too much, depending on shaft" in sentence(
+        much
     )
