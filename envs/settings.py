@@ -71,8 +71,8 @@ class Settings(BaseModel):
     tuning: str | None = None
     sea: Any = None
     sensor_noise: float | Mapping[str, float] = 1.0
-    control_interval_s: float = Field(0.5, gt=0)
-    episode_s: float = Field(300.0, gt=0)
+    control_interval_s: float = Field(default=0.5, gt=0)
+    episode_s: float = Field(default=300.0, gt=0)
     randomise: Mapping[str, float] | None = None
     normalised: bool = False
     action_mode: ActionMode = "rack"

@@ -225,7 +225,7 @@ def start_episodes(
             state.sway_speed = plant.cross_current
         inputs = Inputs(
             rack, episode.pitch_command, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, load, 0.0, 0.0, 0.0, 0.0,
-            NO_SIGNALS,
+            0.0, NO_SIGNALS,
         )  # fmt: skip
         set_state(state, settled(plant, get_state(state), inputs))
         prepare(plant, state, env.memory, sea, rack, Disturbance(0.0, 0.0, factor, NO_SIGNALS), dt)

@@ -117,7 +117,7 @@ class Observer(ABC):
         Raises:
             ObserverError: it is 0.
         """
-        inertia = inertia_behind_gauge(believed(ship))
+        inertia = float(inertia_behind_gauge(believed(ship)))
         if not inertia > 0.0:
             raise ObserverError(
                 f"{ship.name}: the observer {self.name!r} needs the inertia behind the torque gauge, "

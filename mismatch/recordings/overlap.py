@@ -65,7 +65,8 @@ def _repeated(one: NDArray[np.void], other: NDArray[np.void]) -> tuple[int, int]
 
     Rows that occur more than once in either are no mark of a moment and end a stretch.
     """
-    places, counts = {}, {}
+    places: dict[bytes, int] = {}
+    counts: dict[bytes, int] = {}
     for rows, own in ((one, places), (other, counts)):
         for place, row in enumerate(rows.tolist()):
             own[row] = -1 if row in own else place

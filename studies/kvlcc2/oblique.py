@@ -164,7 +164,7 @@ def by_squares(
 
     found = scipy.optimize.least_squares(
         residuals, start, x_scale=np.maximum(np.abs(start), 0.1), max_nfev=60,
-        bounds=tuple(zip(*(n.searched for n in numbers), strict=True)),
+        bounds=([n.searched[0] for n in numbers], [n.searched[1] for n in numbers]),
     )  # fmt: skip
     return ship.with_values(dict(zip(keys, map(float, found.x), strict=True)))
 

@@ -47,4 +47,4 @@ def scripted(intervals: int, actions: int, rng: np.random.Generator) -> NDArray[
         rudder = rng.choice((-1.0, 0.0, 1.0), (1, n, 1)) * np.ones((intervals, 1, 1))
         rudder[:, ::4] = rng.uniform(-1.0, 1.0, (intervals, len(range(0, n, 4)), 1))
         found = np.concatenate([found, rudder], axis=2)
-    return found.astype(np.float32)
+    return np.asarray(found, dtype=np.float32)

@@ -73,12 +73,12 @@ def test_many_ships_begin_as_each_alone_to_the_bit(
         singles[i].reset(options=options)
     alone.append(np.stack([env.batch.told(0) for env in singles]))
     assert np.array_equal(seen, alone)
-    for i, env in enumerate(singles):
+    for k, env in enumerate(singles):
         for name in ("plant", "state", "memory", "estimate", "episode", "observation", "ended"):
-            mine, its = vector.batch.environments[name][i], env.batch.environments[name][0]
+            mine, its = vector.batch.environments[name][k], env.batch.environments[name][0]
             assert mine.tobytes() == its.tobytes(), name
         for name in ("inflow", "elevation", "phase", "amplitude", "head_sea"):
-            mine, its = vector.batch.arrays.seas[name][i], env.batch.arrays.seas[name][0]
+            mine, its = vector.batch.arrays.seas[name][k], env.batch.arrays.seas[name][0]
             assert np.array_equal(mine, its), name
 
 

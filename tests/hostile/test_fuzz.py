@@ -108,7 +108,8 @@ def _swapped(content: bytes, draw: Any) -> bytes:
     if not places:
         return content
     place = draw(st.sampled_from(places))
-    return content[: place.start()] + draw(st.sampled_from(VALUES)) + content[place.end() :]
+    value: bytes = draw(st.sampled_from(VALUES))
+    return content[: place.start()] + value + content[place.end() :]
 
 
 @st.composite

@@ -64,7 +64,7 @@ def test_a_step_response_is_exact_to_one_percent_down_to_the_limit(z: float) -> 
 
 def test_the_limit_is_where_the_error_of_a_step_response_passes_one_percent() -> None:
     def error(z: float) -> float:
-        factor = sum((-z) ** k / math.factorial(k) for k in range(5))
+        factor = float(sum((-z) ** k / math.factorial(k) for k in range(5)))
         return max(abs(factor**n - math.exp(-z * n)) for n in range(1, 50))
 
     assert error(1.0) == pytest.approx(0.0071, abs=1e-4)

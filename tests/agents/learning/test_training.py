@@ -140,7 +140,7 @@ def test_legs_are_judged_as_the_recipe_sails(tmp_path: Path) -> None:
 def test_evaluation_intervals_use_every_keyword_of_the_recipe(own: dict[str, Any]) -> None:
     """What a training's environment has, the one that judges it has as well."""
     policy = load_policy("rough-sea")
-    kwargs = {"episode_s": 5.0, "sensor_noise": 0.0, "observer": "none"} | own
+    kwargs: dict[str, Any] = {"episode_s": 5.0, "sensor_noise": 0.0, "observer": "none"} | own
     plan = read_recipe("ppo", "rough-sea", env_kwargs=kwargs)
     found = judged(policy, plan, "frigate-at-sea", threads=1)
     env = FrigateVectorEnv(24, threads=1, ship="frigate-at-sea", task=plan.rewarded(), **kwargs)
