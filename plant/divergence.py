@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,13 @@ from .signals import SAMPLE, SIGNALS
 _BEYOND = 1e3
 """Times the registry's range of a signal, beyond which its simulation has diverged."""
 
-_LIMITS = np.array([_BEYOND * max(abs(signal.low), abs(signal.high)) for signal in SIGNALS])
+_LIMITS = np.array(
+    [
+        math.inf if signal.source == "demand" else _BEYOND * max(abs(signal.low), abs(signal.high))
+        for signal in SIGNALS
+    ]
+)
+"""Demands are the user's, and of a drive in whatever unit it takes; each of them is finite."""
 
 
 def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:

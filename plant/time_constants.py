@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .drives.dc_motor import ARMATURE, DcMotor
 from .keys import KeyInfo, Section, is_lag
 from .record import PLANT
 from .shaft import shaft_inertia
@@ -59,10 +58,7 @@ def _damping(ship: Ship) -> float:
     slope = line.viscous_friction_engine_side_N_m_s_rad
     slope += line.viscous_friction_propeller_side_N_m_s_rad
     slope += line.arctangent_friction_engine_side_N_m * line.arctangent_friction_slope_s_rad
-    if isinstance(mover, DcMotor) and mover.armature_inductance_H == 0.0:
-        constant = mover.motor_constant_V_s_rad * line.gear_ratio
-        slope += constant * constant * line.efficiency / mover.armature_resistance_ohm
-    return slope
+    return slope + mover.damping * line.gear_ratio**2 * line.efficiency
 
 
 def check_time_constants(ship: Ship) -> None:
@@ -92,13 +88,11 @@ def check_time_constants(ship: Ship) -> None:
 
 def _conditions(ship: Ship) -> Iterator[tuple[float, ...]]:
     """Yield signals at which the rates of terms' states are looked at: at rest, ahead, and fast."""
-    depth, mover = ship.propeller.depth_m, ship.prime_mover
+    depth = ship.propeller.depth_m
     yield tuple(Heard(*np.zeros(len(Heard._fields)).tolist())._replace(submergence=depth))
-    top = 1.0
+    top = ship.prime_mover.idle_speed_rad_s / ship.transmission.gear_ratio
     if ship.has_diesel:
         top = ship.shaft_speeds[1]
-    elif isinstance(mover, DcMotor):
-        top = mover.voltage_max_V / mover.motor_constant_V_s_rad / ship.transmission.gear_ratio
     pitch = ship.propeller.pitch_ratio_max
     speed = _CRUISE_M_S if ship.moves else 0.0
     for share in (0.5, 1.0):
@@ -173,16 +167,14 @@ def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
         info: range that the key allows.
     """
     section, _, name = key.partition(".")
-    mover, shortest = ship.prime_mover, ship.time_step_s
-    if isinstance(mover, DcMotor) and section == "prime_mover" and name in ARMATURE:
-        if name == "armature_inductance_H":
-            shortest *= mover.armature_resistance_ohm
-        elif name == "armature_resistance_ohm" and mover.armature_inductance_H > 0.0:
-            return info._replace(high=min(info.high, mover.armature_inductance_H / shortest))
-        else:
-            return info
-    elif not is_lag(type(getattr(ship, section)).model_fields[name]):
+    table, step = getattr(ship, section), ship.time_step_s
+    limits = ship.prime_mover.resolved(step) if section == "prime_mover" else {}
+    if name in limits:
+        low, high, gap = limits[name]
+        low = min(low, value) if value > 0.0 else low
+        return info._replace(low=max(info.low, low), high=min(info.high, high), gap=gap)
+    if not is_lag(type(table).model_fields[name]):
         return info
     if value > 0.0:
-        return info._replace(low=max(info.low, min(shortest, value)))
-    return info._replace(gap=shortest)
+        return info._replace(low=max(info.low, min(step, value)))
+    return info._replace(gap=step)

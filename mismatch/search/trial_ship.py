@@ -222,7 +222,7 @@ def scales(balances: Balances) -> Mapping[str, float]:
         outside["force/sway_speed/yaw_rate"] = typical(samples["resistance"]) / turning
     return outside | {
         "unit": 1.0,
-        "time_step": balances.replay.ship.time_step_s,
+        "time_step": float(plant["time_step"]),
         "torque/drive": torque / typical(drive),
         "torque": torque,
         "torque/shaft_speed": torque / shaft,

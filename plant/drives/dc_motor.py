@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -13,9 +14,6 @@ from ...core.numeric import clip
 from ..keys import INF, effect, number
 from ..signals import Signal
 from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
-
-ARMATURE = "armature_inductance_H / armature_resistance_ohm"
-"""Time constant [s] of the armature, as messages name it."""
 
 
 class DcMotor(PrimeMover):
@@ -85,7 +83,31 @@ class DcMotor(PrimeMover):
         """L/R of the armature [s]; none where the current follows at once."""
         if self.armature_inductance_H == 0.0:
             return {}
-        return {ARMATURE: self.armature_inductance_H / self.armature_resistance_ohm}
+        ratio = self.armature_inductance_H / self.armature_resistance_ohm
+        return {"armature_inductance_H / armature_resistance_ohm": ratio}
+
+    @property
+    def damping(self) -> float:
+        """Slope of the torque by the back-EMF where the current follows at once [N m s/rad]."""
+        if self.armature_inductance_H > 0.0:
+            return 0.0
+        return self.motor_constant_V_s_rad**2 / self.armature_resistance_ohm
+
+    @property
+    def idle_speed_rad_s(self) -> float:
+        """Speed at which the back-EMF is the highest voltage."""
+        return self.voltage_max_V / self.motor_constant_V_s_rad
+
+    def resolved(self, step_s: float) -> Mapping[str, tuple[float, float, float]]:
+        """Return the inductances above and the resistances below which L/R is a time step or more."""
+        least = step_s * self.armature_resistance_ohm
+        if self.armature_inductance_H == 0.0:
+            return {"armature_inductance_H": (0.0, INF, least)}
+        most = self.armature_inductance_H / step_s
+        return {
+            "armature_inductance_H": (least, INF, 0.0),
+            "armature_resistance_ohm": (0.0, most, 0.0),
+        }
 
     def fill(self, record: Any) -> None:
         """Its numbers; demands go either way, and have no rack."""

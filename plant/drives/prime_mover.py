@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...core.compiled import Real, Record, compiled
@@ -30,6 +31,27 @@ class PrimeMover(Section):
     @property
     def delays(self) -> dict[str, float]:
         """Dead times [s] by key, each a history that the plant keeps."""
+        return {}
+
+    @property
+    def damping(self) -> float:
+        """Slope of the torque that opposes its speed, whatever the speed [N m s/rad]."""
+        return 0.0
+
+    @property
+    def idle_speed_rad_s(self) -> float:
+        """Speed that it reaches without a load at its highest demand; 1 where nothing bounds it."""
+        return 1.0
+
+    def resolved(self, step_s: float) -> Mapping[str, tuple[float, float, float]]:
+        """Return what a time step allows of the keys that set a time constant together.
+
+        Args:
+            step_s: time step of the integration [s].
+
+        Returns:
+            Lowest and highest value by key, and the end of the gap above 0 (:class:`..keys.KeyInfo`).
+        """
         return {}
 
 

@@ -32,7 +32,7 @@ main()
         ("shaftline.cli.simulate_command", "simulate", ["--help"]),
         ("numba", "simulate", ["--case", "rack_step", "--out", "o.csv"]),
         ("shaftline.plant.dynamics", "diagnose", ["--example"]),
-        ("scipy.optimize", "identify", ["o.csv", "--ship", "frigate", "--out", "id"]),
+        ("shaftline.mismatch", "identify", ["o.csv", "--ship", "frigate", "--out", "id"]),
     ],
 )
 def test_while_a_module_loads(name: str, command: str, rest: list[str], tmp_path: Path) -> None:

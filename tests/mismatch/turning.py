@@ -22,7 +22,7 @@ NOISE = {
 @functools.cache
 def quick_tanker() -> Ship:
     """The 7 m tanker model in steps of a fifth of a second, as its recordings' rows."""
-    return load_ship("kvlcc2").with_values({"integration.time_step_s": 0.2})
+    return load_ship("kvlcc2").with_values({"integration.time_step_s": 0.1})
 
 
 def swinging(
