@@ -42,8 +42,9 @@ def loop_figure(
             textcoords="offset points", color=PALETTE[0], va="top",
         )  # fmt: skip
     degrees = np.degrees(np.unwrap(np.angle(response)))
-    at = float(np.interp(margins.crossover, grid, degrees))
-    degrees += 360.0 * round((margins.phase_margin_deg - 180.0 - at) / 360.0)
+    if np.isfinite(margins.crossover):  # a loop whose gain stays below 1 has none
+        at = float(np.interp(margins.crossover, grid, degrees))
+        degrees += 360.0 * round((margins.phase_margin_deg - 180.0 - at) / 360.0)
     phase.semilogx(grid, degrees, color=PALETTE[1])
     phase.axhline(-180.0, color=THESIS, linewidth=0.7)
     phase.set_ylim(max(min(degrees.min(), -180.0) - 10.0, -450.0), max(degrees.max(), -90.0) + 15.0)

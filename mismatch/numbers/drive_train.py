@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.drives import DcMotor
+from ...plant.drives import DRIVES
 from ...plant.propeller import propeller_load
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 
-SIX = DcMotor.response_keys
+SIX = next(drive for drive in DRIVES if drive.demand.unit == "V").response_keys
 """Keys of the paper's six numbers, in the order of its Table 5."""
 
 INDUCTANCE, CONSTANT, RESISTANCE, INERTIA, FRICTION, LOAD = SIX

@@ -61,3 +61,10 @@ def test_what_cannot_be_is_refused(
     options = arguments[1:]
     refused(shaftline("loop", *options, "--out", tmp_path / "out", "--", arguments[0]), told)
     nothing_written(tmp_path)
+
+
+def test_a_loop_without_a_crossover_is_drawn(shaftline: Command, tmp_path: Path) -> None:
+    """Its gain stays below 1, so there is no phase margin to draw."""
+    result = shaftline("loop", "0.001/1,0", "--ship", "ferry", "--speed", 4.7, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "loop.png").stat().st_size > 20_000
