@@ -9,53 +9,20 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ..baselines.controller import OBSERVED
-from ..plant.signals import get_signal
 from .batch import Batch
 from .kernel import ENDINGS, RUNNING
 from .records import TRUTHS
 from .rewards import TERMS
 from .settings import Settings
+from .spaces import action_space, check_action, space_of
 
 if TYPE_CHECKING:
     from .dashboard import Dashboard
-
-_FAR = 1e9  # bound of what has none [rad, m]
-
-
-def observation_space(observed: Sequence[str] = OBSERVED) -> spaces.Box:
-    """An observation in physical units, with the registry's bounds.
-
-    Args:
-        observed: its signals, in order.
-    """
-    signals = [get_signal(name) for name in observed]
-    # a heading that is not wrapped has no bound, but a space without one is of little use
-    low = np.array([max(signal.low, -_FAR) for signal in signals], np.float32)
-    high = np.array([min(signal.high, _FAR) for signal in signals], np.float32)
-    return spaces.Box(low, high, dtype=np.float32)
-
-
-def action_space(numbers: int = 2) -> spaces.Box:
-    """Pitch command, fuel rack command and rudder command, each in [-1, 1] over the ship's range.
-
-    Args:
-        numbers: how many of them.
-    """
-    return spaces.Box(-1.0, 1.0, (numbers,), np.float32)
-
-
-def space_of(batch: Batch) -> spaces.Box:
-    """Of one observation as an agent gets it: physical units, or normalised and without bounds."""
-    if batch.settings.normalised:
-        return spaces.Box(-np.inf, np.inf, (len(batch.observed),), np.float32)
-    return observation_space(batch.observed)
 
 
 def _count_workers(threads: int | None, ships: int) -> int:
@@ -80,19 +47,6 @@ def _dashboard(batch: Batch, ship: int = 0) -> Dashboard:
     from .dashboard import Dashboard  # matplotlib takes half a second, and most never look
 
     return Dashboard(batch, ship)
-
-
-def _checked(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    try:
-        array = np.array(action, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"action {action!r}: must be numbers of shape {shape}: {error}") from None
-    if array.shape != shape:
-        raise ValueError(f"action has shape {array.shape}, {shape} is needed")
-    if not np.isfinite(array).all():
-        raise ValueError(f"action {array.tolist()} holds a value that is not finite")
-    # clipped as double: 1e300 is finite, but single precision does not hold it
-    return np.minimum(np.maximum(array, -1.0, out=array), 1.0, out=array).astype(np.float32)
 
 
 class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -174,7 +128,7 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._needs_reset:
             raise ResetNeeded("no episode is running, or it has ended: call reset() before step()")
         batch = self.batch
-        batch.step(_checked(action, (batch.actions,))[None])
+        batch.step(check_action(action, (batch.actions,))[None])
         env = batch.environments[0]
         ended = int(env["ended"])
         truncated = bool(env["episode"]["elapsed"] >= batch.settings.intervals)
@@ -323,7 +277,9 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             raise ResetNeeded(f"sub-environments {waiting.tolist()} have ended: reset them first")
         batch, arrays = self.batch, self.batch.arrays
         # one that waits for its next episode steps on too, which the episode's beginning then undoes
-        batch.step(_checked(actions, (self.num_envs, batch.actions)), self._threads(), self._shares)
+        batch.step(
+            check_action(actions, (self.num_envs, batch.actions)), self._threads(), self._shares
+        )
         terminated = arrays.ended != RUNNING
         truncated = batch.elapsed >= batch.settings.intervals
         reward = arrays.rewards.copy()
@@ -357,7 +313,7 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         info: dict[str, Any] = {name: arrays.truths[name].copy() for name in TRUTHS}
         info["reward_terms"] = {term: arrays.terms[term].copy() for term in TERMS}
         if terminated.any():
-            info["ended"] = np.array([ENDINGS[code] for code in arrays.ended], dtype=object)
+            info["ended"] = np.array(ENDINGS, dtype=object)[arrays.ended]
             info["_ended"] = terminated
         return info
 

@@ -16,7 +16,6 @@ from shaftline.baselines.controller import OBSERVED
 from shaftline.envs import TERMS, FrigateEnv, FrigateVectorEnv, tasks
 from shaftline.envs.records import TRUTHS
 from shaftline.observers import observer_names
-from shaftline.plant.signals import get_signal
 
 from .plans import SHORT, actions
 
@@ -110,26 +109,6 @@ def test_a_single_environment_draws_where_asked_and_a_vector_has_one_by_default(
     assert FrigateVectorEnv().num_envs == 1
 
 
-def test_bounds_are_the_registrys() -> None:
-    space = FrigateEnv().observation_space
-    assert isinstance(space, gymnasium.spaces.Box)
-    for i, name in enumerate(OBSERVED):
-        assert space.high[i] == np.float32(get_signal(name).high)
-        assert space.low[i] == np.float32(get_signal(name).low)
-    action = FrigateEnv().action_space
-    assert isinstance(action, gymnasium.spaces.Box)
-    assert (action.low.tolist(), action.high.tolist()) == ([-1.0, -1.0], [1.0, 1.0])
-
-
-def test_actions_beyond_the_box_are_clipped() -> None:
-    runs = []
-    for action in ([1.0, -1.0], [1.7, -30.0], [1e300, -1e300], [10**30, -(2**70)]):
-        env = FrigateEnv(**SHORT)
-        env.reset(seed=2)
-        runs.append(env.step(action)[0])
-    assert all(np.array_equal(runs[0], run) for run in runs[1:])
-
-
 def _step_at_random(n: int, intervals: int, seed: int, **options: Any) -> None:
     """Step with wild actions; every observation, reward and truth must be finite."""
     env = FrigateVectorEnv(n, episode_s=60.0, **options)
@@ -175,28 +154,6 @@ def test_a_sea_can_be_a_range_from_which_each_episode_draws() -> None:
     assert heights.min() > 0.9
     assert heights.max() < 4.1
     assert np.ptp(heights) > 2.0
-
-
-@pytest.mark.parametrize(
-    ("bad", "words"),
-    [
-        ([np.nan, 0.0], "not finite"),
-        ([0.0, np.inf], "not finite"),
-        ([0.0], r"action has shape \(1,\), \(2,\) is needed"),
-        ("ahead", r"action 'ahead': must be numbers of shape \(2,\)"),
-        ([10**400, 0], r"must be numbers of shape \(2,\): int too large"),
-        ([[0.0], [0.0, 0.0]], r"must be numbers of shape \(2,\)"),
-        (None, "action has shape|must be numbers"),
-        ([[0.0, 0.0]], r"shape \(1, 2\), \(2,\) is needed"),
-    ],
-)
-def test_unusable_actions_are_refused(bad: list[Any], words: str) -> None:
-    env = FrigateEnv()
-    env.reset(seed=0)
-    before = env.batch.arrays.states.copy()
-    with pytest.raises(ValueError, match=words):
-        env.step(bad)
-    assert np.array_equal(env.batch.arrays.states, before)
 
 
 @pytest.mark.parametrize(
