@@ -37,7 +37,7 @@ class Estimate:
         standard_error: by the noise of the recording, in ``unit``.
         form_error: by which the form of a model, which is never quite the truth's, may have moved the
             value, in ``unit``; widens the interval.
-        freedom: degrees of freedom of the standard error: from how much data it is itself known.
+        freedom: degrees of freedom of the standard error [-]: from how much data it is itself known.
     """
 
     key: str

@@ -198,8 +198,9 @@ def coverage(found: list[dict[str, Any]]) -> pd.DataFrame:
         for name in KEYS
         if (water, name) in kept
     ]
-    everything = np.concatenate([np.array(one) for one in kept.values()])
-    return pd.DataFrame([*rows, {"water": "all", "parameter": "all"} | row_of(everything)])
+    everything = row_of(np.concatenate([np.array(one) for one in kept.values()]))
+    everything["width / oracle"] = np.nan  # one width for all parameters says nothing
+    return pd.DataFrame([*rows, {"water": "all", "parameter": "all"} | everything])
 
 
 def by_choice(found: list[dict[str, Any]]) -> pd.DataFrame:

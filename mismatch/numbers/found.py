@@ -23,7 +23,7 @@ class Found:
         remarks: what a reader must know of it, a sentence each.
         score: 2 log L where the method has one, else 0.
         line: whether the demands were taken as straight lines between rows instead of held.
-        freedom: degrees of freedom of each number's variance, shape (n,); None where it is known as
+        freedom: degrees of freedom of each number's variance [-], shape (n,); None where it is known as
             well as a variance of very many rows.
     """
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from shaftline.mismatch import Estimate
+from shaftline.mismatch.estimate import half_95
 from shaftline.plant import Ship, ShipError
 
 FRICTION = "transmission.coulomb_friction_engine_side_N_m"
@@ -29,3 +32,15 @@ def test_the_interval_is_1_96_standard_errors_and_the_form_s(frigate: Ship) -> N
 def test_as_data_it_is_value_and_interval(frigate: Ship) -> None:
     found = Estimate.of(frigate, FRICTION, 8000.0, 100.0).to_dict()
     assert found == {"value": 8000.0, "ci95": [8000.0 - 196.0, 8000.0 + 196.0]}
+
+
+def test_an_error_known_from_little_has_a_wider_interval() -> None:
+    sure = Estimate("hull.mass_kg", 10.0, "kg", (0.0, 1e9), 9.0, 1.0)
+    assert sure.ci95 == (8.04, 11.96)
+    for freedom, half in ((1.0, 12.706), (8.0, 2.306), (30.0, 2.042), (1e9, 1.96)):
+        low, high = replace(sure, freedom=freedom).ci95
+        assert (low, high) == (
+            pytest.approx(10.0 - half, abs=2e-3),
+            pytest.approx(10.0 + half, abs=2e-3),
+        )
+    assert half_95(0.1) == half_95(1.0)

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Identification, diagnose, identify
+from shaftline.mismatch.estimate import half_95
 from shaftline.plant import Ship, load_ship, simulate_recording
 
 from ..voyages import bench_tug, frigate_voyage, tug_run
@@ -94,9 +95,9 @@ def test_it_is_saved_as_page_data_and_ship(found: Identification, tmp_path: Path
     assert load_ship(tmp_path / "identified_ship.toml") == found.identified
     report = json.loads((tmp_path / "report.json").read_text())
     own = report["parameters"][INERTIA]
-    assert own["ci95"] == pytest.approx(
-        [own["value"] - 1.96 * own["se"], own["value"] + 1.96 * own["se"]]
-    )
+    half = half_95(own["degrees_of_freedom"]) * own["se"]
+    assert own["ci95"] == pytest.approx([own["value"] - half, own["value"] + half])
+    assert 1.96 < half / own["se"] < 2.3  # Student's t: it says from how much data it is known
     assert report["fit"]["held_out"]["after"] == pytest.approx(found.fit_after)
     page = (tmp_path / "report.html").read_text()
     assert page.count("<svg") >= 5
