@@ -40,7 +40,7 @@ def test_known_by_name_with_options() -> None:
         ControllerError, match="unknown helmsman 'x'; known: autopilot, track-keeper"
     ):
         make_helmsman("x", SHIP, 0.5)
-    with pytest.raises(ControllerError, match="unexpected keyword"):
+    with pytest.raises(ControllerError, match="option 'speed' is unknown"):
         make_helmsman("autopilot:speed=3", SHIP, 0.5)
     with pytest.raises(ShipError, match=r"frigate cannot be steered.*manoeuvring.length_m"):
         make_helmsman("autopilot", load_ship("frigate"), 0.5)

@@ -130,7 +130,7 @@ def test_a_controller_of_the_users_own(
     for text, told in (
         ("laws_of_a_test:NoLaw", "must be a class with a method predict"),
         ("laws_of_a_test:Nobody", "has no attribute 'Nobody'"),
-        ("laws_of_a_test:HalfAhead:rock=1", "unexpected keyword argument 'rock'"),
+        ("laws_of_a_test:HalfAhead:rock=1", "option 'rock' is unknown"),
         ("nowhere_at_all:Law", "No module named 'nowhere_at_all'"),
     ):
         with pytest.raises(ControllerError, match=told):
