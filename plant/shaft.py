@@ -83,7 +83,7 @@ def friction_torque(plant: Record, coulomb: float, viscous: float, shaft_speed: 
         return 0.0
     sticks = plant.stiction_speed
     inertia = shaft_inertia(plant)
-    if inertia.real * sticks.real < coulomb.real * plant.time_step and plant.speed_held == 0:
+    if inertia.real * sticks.real < coulomb.real * plant.time_step.real and plant.speed_held == 0:
         sticks = coulomb * plant.time_step / inertia
     if abs(shaft_speed.real) > 20.0 * sticks.real:
         direction = math.copysign(1.0, shaft_speed.real)

@@ -82,7 +82,8 @@ STATE = State(1.2, 10.0, 8.0)
         (0.0, STATE, "duration_s = 0.0: must be"), (-1.0, STATE, "duration_s = -1.0: must be"),
         (float("nan"), STATE, "duration_s = nan: must be"),
         (10.0, STATE._replace(shaft_speed=float("nan")), "initial holds a value that is not finite"),
-        (10.0, STATE._replace(ship_speed=1e200), r"the simulation diverges: true_ship_speed_m_s = 1e\+200 m/s at 0 s"),
+        (10.0, STATE._replace(ship_speed=1e200),
+         r"the simulation diverges: true_ship_speed_m_s = 1e\+200 m/s at 0 s"),
     ],
 )  # fmt: skip
 def test_a_simulation_that_would_give_no_numbers_is_refused(
