@@ -23,6 +23,10 @@ _LIMITS = np.array(
 """Demands are the user's, and of a drive in whatever unit it takes; each of them is finite."""
 
 
+class DivergenceError(ValueError):
+    """A simulation that diverges; the message names the signal, its value and the time."""
+
+
 def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:
     """Refuse samples that hold a number that is not finite, or one far beyond its signal's range.
 
@@ -31,7 +35,7 @@ def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:
         samples: SAMPLE array of shape (n,), contiguous.
 
     Raises:
-        ValueError: names the signal, its value and the time.
+        DivergenceError: names the signal, its value and the time.
     """
     values = samples.view(np.float64).reshape(-1, len(SAMPLE.names or ()))
     good = np.abs(values) <= _LIMITS  # false for nan as well
@@ -41,7 +45,7 @@ def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:
     row = int(np.argmin(good.all(axis=1)))
     signal = SIGNALS[int(np.argmin(good[row]))]
     value, time = float(samples[signal.name][row]), float(samples["time"][row])
-    raise ValueError(
+    raise DivergenceError(
         f"{ship.name}: the simulation diverges: {signal.column} = {value:.3g} {signal.unit} at "
         f"{time:.4g} s. The initial state, an input or a parameter of the ship is many orders too "
         f"large, or too fast for the time step of {ship.time_step_s:g} s"

@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from ...plant.columns import BOUNDS, HEADING, SHAFT_ANGLE, SHAFT_SPEED, TIME, drive_column
+from ...plant.divergence import DivergenceError
 from ...plant.recording import RecordingError
 from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
@@ -61,15 +62,20 @@ class Yardstick:
         self.off = self._differences(self.table, self.sailed)
 
     def _sail(self, table: pd.DataFrame) -> pd.DataFrame | None:
-        """From the first row's state, or where that is none, from a steady one or, astern, from rest.
+        """Simulate from the first row's state, or from a steady one, or astern from rest.
 
-        The shaft begins the way the drive demands: a ship that is started the other way round may
-        stay so, and every other channel would then look turned instead of the shaft's.
+        A first row beyond every bound, or with an engine that has stalled under an open fuel rack, is no
+        state to start from: a wrong unit would then stop the ship. The shaft begins the way the drive
+        demands: a ship that is started the other way round may stay so, and every other channel would
+        then look turned instead of the shaft's.
         """
         start = table.iloc[0]
         sane = all(abs(start[c]) <= limit for c, limit in self._reach.items() if c in table)
         if SHAFT_SPEED in table and (start[SHAFT_SPEED] < 0.0) != (start[self._drive] < 0.0):
             table = table.assign(**{SHAFT_SPEED: -table[SHAFT_SPEED]})
+        if SHAFT_SPEED in table and start[self._drive] > 0.0:
+            engine_speed = abs(start[SHAFT_SPEED]) * self.ship.transmission.gear_ratio
+            sane &= engine_speed >= self.ship.prime_mover.least_running_speed_rad_s
         known = [c for c in self._reach if c in table and c != self._drive]
         steady = table.drop(columns=known)
         if start[self._drive] < 0.0:  # steady states are found ahead only
@@ -78,7 +84,7 @@ class Yardstick:
             if self._drive != SHAFT_SPEED:
                 steady[SHAFT_SPEED] = 0.0
         for candidate in (table, steady) if sane else (steady,):
-            with np.errstate(all="ignore"), suppress(RecordingError):
+            with np.errstate(all="ignore"), suppress(RecordingError, DivergenceError):
                 sailed = simulate_recording(self.ship, candidate)
                 if np.isfinite(sailed.to_numpy()).all():
                     return sailed

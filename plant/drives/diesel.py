@@ -180,6 +180,11 @@ class Diesel(PrimeMover):
         """Of its rack's demand [s]."""
         return {"prime_mover.dead_time_s": self.dead_time_s}
 
+    @property
+    def least_running_speed_rad_s(self) -> float:
+        """Engine speed from which all fuel ignites [rad/s]."""
+        return FULL_FIRING_SHARE * self.speed_min_rpm * math.pi / 30.0
+
     def fill(self, record: Any) -> None:
         """Its numbers, and its speeds in rad/s."""
         super().fill(record)

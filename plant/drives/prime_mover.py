@@ -43,6 +43,11 @@ class PrimeMover(Section):
         """Speed that it reaches without a load at its highest demand; 1 where nothing bounds it."""
         return 1.0
 
+    @property
+    def least_running_speed_rad_s(self) -> float:
+        """Its speed below which it may stop under any demand; 0 of a drive that starts by itself."""
+        return 0.0
+
     def resolved(self, step_s: float) -> Mapping[str, tuple[float, float, float]]:
         """Return what a time step allows of the keys that set a time constant together.
 
