@@ -32,6 +32,10 @@ SHAFT = "transmission: inertia / (viscous friction + slope of arctangent frictio
 """Time constant [s] of the shaft, as messages name it."""
 
 
+_OF_THE_SHAFT = ("transmission", "prime_mover", "propeller")
+"""Sections whose numbers set the shaft's inertia and what damps it."""
+
+
 def time_constants(ship: Ship) -> dict[str, float]:
     """Return the time constants [s] in force on a ship that the time step has to resolve, by name.
 
@@ -43,13 +47,39 @@ def time_constants(ship: Ship) -> dict[str, float]:
         section = getattr(ship, name)
         if isinstance(section, Section) and all(getattr(ship, n) for n in section.needs.split()):
             found |= {f"{name}.{key}": value for key, value in section.time_constants.items()}
-    slope = _damping(ship)
-    if ship.turns_freely and slope > 0.0:
-        plant = np.zeros(1, PLANT)[0]
-        ship.transmission.fill(plant)
-        ship.propeller.fill(plant)
-        found[SHAFT] = float(shaft_inertia(plant)) / slope
+    shaft = _shaft_time_constant(ship)
+    if math.isfinite(shaft):
+        found[SHAFT] = shaft
     return found
+
+
+def _shaft_time_constant(ship: Ship) -> float:
+    """Return the shaft's inertia over what damps it [s]; infinite where nothing does."""
+    slope = _damping(ship)
+    if not (ship.turns_freely and slope > 0.0):
+        return math.inf
+    plant = np.zeros(1, PLANT)[0]
+    ship.transmission.fill(plant)
+    ship.propeller.fill(plant)
+    return float(shaft_inertia(plant)) / slope
+
+
+def _damped(ship: Ship, key: str, value: float, bound: float) -> float:
+    """Return how far a number may go towards a bound while the time step resolves the shaft."""
+    section, _, name = key.partition(".")
+    table = getattr(ship, section)
+
+    def is_resolved(at: float) -> bool:
+        changed = ship.model_copy(update={section: table.model_copy(update={name: at})})
+        return _shaft_time_constant(changed) >= ship.time_step_s
+
+    good, bad = value, math.copysign(min(abs(bound), 1e12), bound)
+    if not is_resolved(good) or is_resolved(bad):
+        return bound
+    for _ in range(60):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if is_resolved(middle) else (good, middle)
+    return good
 
 
 def _damping(ship: Ship) -> float:
@@ -168,6 +198,9 @@ def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
     """
     section, _, name = key.partition(".")
     table, step = getattr(ship, section), ship.time_step_s
+    if section in _OF_THE_SHAFT:
+        low, high = (_damped(ship, key, value, bound) for bound in (info.low, info.high))
+        info = info._replace(low=low, high=high)
     limits = ship.prime_mover.resolved(step) if section == "prime_mover" else {}
     if name in limits:
         low, high, gap = limits[name]

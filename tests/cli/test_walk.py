@@ -179,7 +179,7 @@ NO_CONTROL = ("needs a diesel", "needs a propeller of controllable pitch")
 def test_a_ship_meets_controllers_and_helmsmen(ship: str, files: Files, tmp_path: Path) -> None:
     """The classic controllers command a diesel; other ships are refused by that."""
     vessel = packaged(ship)
-    speed = 1 if vessel.moves else 0
+    speed = (4 if vessel.has_diesel else 1) if vessel.moves else 0
     for controller in controller_names():
         if vessel.prime_mover.type == "diesel":
             continue
@@ -191,7 +191,7 @@ def test_a_ship_meets_controllers_and_helmsmen(ship: str, files: Files, tmp_path
         for helmsman in helmsman_names():
             result = run("loop", helmsman, "--ship", files.ship(ship), "--out", tmp_path)
             assert refused(result, "cannot be steered: it has no manoeuvring"), helmsman
-        result = run("manoeuvre", "--ship", files.ship(ship), "--speed", 1, "--out", tmp_path)
+        result = run("manoeuvre", "--ship", files.ship(ship), "--speed", speed, "--out", tmp_path)
         assert refused(result, "cannot be steered|sails at no speed"), ship
 
 

@@ -49,7 +49,7 @@ FIELDS = Part.model_fields
     ],
 )
 def test_a_key_has_unit_range_and_neutral_value(key: str, info: tuple[Any, ...]) -> None:
-    assert info_of(FIELDS[key])[:4] == info
+    assert info_of(FIELDS[key])[:6] == info
     assert unit_of(FIELDS[key]) == info[0]
 
 
