@@ -9,6 +9,7 @@ off is left to the diagnosis.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from itertools import combinations
@@ -22,6 +23,7 @@ from ...plant.divergence import DivergenceError
 from ...plant.recording import RecordingError
 from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
+from ...plant.validity import ValidityWarning
 from .noise import describe, frozen
 from .slips import (
     Slip,
@@ -84,7 +86,14 @@ class Yardstick:
             if self._drive != SHAFT_SPEED:
                 steady[SHAFT_SPEED] = 0.0
         for candidate in (table, steady) if sane else (steady,):
-            with np.errstate(all="ignore"), suppress(RecordingError, DivergenceError):
+            with (
+                np.errstate(all="ignore"),
+                warnings.catch_warnings(),
+                suppress(RecordingError, DivergenceError),
+            ):
+                warnings.simplefilter(
+                    "ignore", ValidityWarning
+                )  # of a trial, not of the user's run
                 sailed = simulate_recording(self.ship, candidate)
                 if np.isfinite(sailed.to_numpy()).all():
                     return sailed
@@ -122,7 +131,9 @@ class Yardstick:
         best, pair = self._score(self.off) + math.log(_BETTER), None
         for slip in self._other_magnitudes():
             values = slip.read(self.table[self._drive].to_numpy())
-            best = min(best, self._score(self.with_columns({self._drive: values})))
+            there = self.with_columns({self._drive: values})
+            if set(self.off) <= set(there):  # else the ship stops, and hardly a channel is compared
+                best = min(best, self._score(there))
         for a, b in combinations([c for c in self.table if c != TIME], 2):
             if {a, b} == {"pitch_ratio", "pitch_ratio_command"}:
                 continue  # told by its lag
