@@ -206,7 +206,8 @@ def read_mapped(
 def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> None:
     yardstick = Yardstick(ship, table, interval)
     pair = yardstick.swapped()
-    if pair is None and (said := yardstick.stranger()):
+    impossible = list(impossible_demands(table, ship))
+    if pair is None and not impossible and (said := yardstick.stranger()):
         raise RecordingError(f"{path}: {said}")
     if dead := list(yardstick.dead()):
         raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in dead))
@@ -217,7 +218,7 @@ def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) 
         lag = set(pair) == {"pitch_ratio", "pitch_ratio_command"}
         why = "the order follows" if lag else "exchanged, they come far nearer to this ship"
         raise RecordingError(f"{path}: {a} and {b} look swapped: {why}")
-    slips = list(impossible_demands(table, ship)) or list(yardstick.slips())
+    slips = impossible or list(yardstick.slips())
     if slips:
         raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in slips))
 
