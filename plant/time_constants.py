@@ -71,7 +71,10 @@ def _damped(ship: Ship, key: str, value: float, bound: float) -> float:
 
     def is_resolved(at: float) -> bool:
         changed = ship.model_copy(update={section: table.model_copy(update={name: at})})
-        return _shaft_time_constant(changed) >= ship.time_step_s
+        try:
+            return _shaft_time_constant(changed) >= ship.time_step_s
+        except ZeroDivisionError:  # at an excluded bound, such as a resistance of 0
+            return False
 
     good, bad = value, math.copysign(min(abs(bound), 1e12), bound)
     if not is_resolved(good) or is_resolved(bad):

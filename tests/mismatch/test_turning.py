@@ -40,7 +40,7 @@ def test_a_wrong_damping_of_the_turn_is_named_with_its_number() -> None:
     (wrong,) = found.wrong
     assert wrong is not None
     assert wrong.key == "manoeuvring.N_r"
-    assert "the yaw balance lacks moment in step with the rate of turn" in found.summary()
+    assert "the yaw balance has too much moment in step with the rate of turn" in found.summary()
 
 
 def test_a_smaller_rudder_is_named_as_less_force() -> None:
