@@ -10,11 +10,11 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.numbers.augmented import ekf
-from shaftline.mismatch.numbers.filter_noises import felt_at
+from shaftline.mismatch.numbers.filter_noises import felt_at, state_sizes
 from shaftline.mismatch.numbers.pipeline import METHODS, Work
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.plant import approach, get_sea, load_ship, realise, zig_zag
+from shaftline.plant import approach, get_sea, load_ship, realise, simulate_recording, zig_zag
 from shaftline.plant.columns import (
     HEADING,
     RUDDER,
@@ -23,6 +23,7 @@ from shaftline.plant.columns import (
     YAW_RATE,
     drive_column,
 )
+from shaftline.plant.state import active_states
 
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
@@ -208,3 +209,23 @@ def test_derivatives_of_a_hull_are_told_from_a_zig_zag(
     assert np.all(errors < within)
     assert np.all(np.abs(off) < 4.0 * errors)
     assert found.remarks == ()
+
+
+@pytest.mark.parametrize("name", ["frigate-at-sea", "frigate-turning", "tito-neri-sine"])
+def test_every_state_that_a_ship_has_has_a_size(name: str) -> None:
+    """Charge air, warmth, ventilation and the like are no signals of a simulation."""
+    ship = load_ship(name)
+    drive = 0.55 * float(ship.record()["drive_max"])
+    orders = pd.DataFrame({"time_s": np.arange(60) * 0.5, drive_column(ship): drive})
+    if ship.has_variable_pitch:
+        orders["pitch_ratio_command"] = 1.2
+    replay = JointReplay(ship, simulate_recording(ship, orders))
+    sizes = state_sizes(replay, (INERTIA,))
+    assert list(sizes) == active_states(ship.record())
+    nominal = replay.simulate(ship.record())
+    for state in ("brake_torque", "motor_current", "ship_speed"):
+        if state in sizes:
+            expected = math.sqrt(float(np.mean(nominal[state] ** 2)))
+            assert sizes[state] == pytest.approx(expected, rel=1e-6)
+    assert sizes.get("charge", 1.0) > 0.0
+    assert sizes.get("warmth", 1.0) > 0.0
