@@ -34,6 +34,10 @@ ALIKE = 0.95
 UNTOLD = 1.0
 """Standard error, as a share of a number, from which on it was not found."""
 
+SHORT = 0.25
+"""The same as a share of what the ship's file states: a number that has come out near 0 was found where
+its error is shorter than that."""
+
 REACH = 1.0
 """Standard deviation that a step is given beforehand, as a share of the number: it damps the step where
 the recording says little, and draws to nothing, being about the last value."""
@@ -247,14 +251,20 @@ def output_error(
 def refuse_untold(found: Found, free: Free) -> None:
     """Refuse a number of which the recording says next to nothing.
 
-    Of one whose absence is 0, as an offset's or a friction's, an interval about 0 says something.
+    Of one whose absence is 0, as an offset's or a friction's, an interval about 0 says something; and so
+    does one that is short against what the ship's file states.
+
+    Args:
+        found: the numbers.
+        free: the same as the ship's file has them.
 
     Raises:
         UntoldError: names it.
     """
     told = zip(free.numbers, found.values, found.standard_errors, found.correlation, strict=True)
     for number, value, error, correlation in told:
-        if number.info.neutral is None and error > abs(value) * UNTOLD:
+        size = max(abs(value) * UNTOLD, abs(number.value) * SHORT)
+        if number.info.neutral is None and error > size:
             alike = [
                 key
                 for key, one in zip(free.keys, correlation, strict=True)

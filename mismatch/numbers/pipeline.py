@@ -233,7 +233,7 @@ def _by_output_error(
         steps.append(found.tables["search"].assign(highest_Hz=highest))
         with contextlib.suppress(ShipError):  # a search may pass where no file may end
             free = Free(free.at(values), free.keys)
-    refuse_untold(found, free)
+    refuse_untold(found, Free(ship, free.keys))
     found = found.beside(other, float(scipy.special.expit(-0.5 * abs(ahead))))
     tables = {"search": pd.concat(steps, ignore_index=True)}
     if ahead <= 0.0:

@@ -36,7 +36,7 @@ def test_as_data_it_is_value_and_interval(frigate: Ship) -> None:
 
 def test_an_error_known_from_little_has_a_wider_interval() -> None:
     sure = Estimate("hull.mass_kg", 10.0, "kg", (0.0, 1e9), 9.0, 1.0)
-    assert sure.ci95 == (8.04, 11.96)
+    assert sure.ci95 == pytest.approx((8.04, 11.96))
     for freedom, half in ((1.0, 12.706), (8.0, 2.306), (30.0, 2.042), (1e9, 1.96)):
         ends = replace(sure, freedom=freedom).ci95
         assert ends == pytest.approx((10.0 - half, 10.0 + half), abs=2e-3)

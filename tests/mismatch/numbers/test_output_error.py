@@ -95,6 +95,11 @@ def test_a_number_whose_absence_is_found_is_not_refused(servo: Ship) -> None:
     with pytest.raises(ValueError, match=r"inertia.* cannot be found.*found 90, standard error 91"):
         refuse_untold(Found(unsure.keys, (90.0,), np.array([[91.0**2]])), unsure)
 
+    # near 0, and far surer of it than the file's 95 kg m2 are large
+    refuse_untold(Found(unsure.keys, (10.0,), np.array([[20.0**2]])), unsure)
+    with pytest.raises(ValueError, match="found 10, standard error 30"):
+        refuse_untold(Found(unsure.keys, (10.0,), np.array([[30.0**2]])), unsure)
+
     both = Free(servo, (INERTIA, "transmission.viscous_friction_engine_side_N_m_s_rad"))
     alike = np.array([[91.0**2, 0.99 * 91.0 * 180.0], [0.99 * 91.0 * 180.0, 180.0**2]])
     with pytest.raises(ValueError, match=r"does not tell it from transmission\.viscous"):
