@@ -13,7 +13,12 @@ from shaftline.mismatch.judge import verdict
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-SOURCES = [file for file in ROOT.rglob("*.py") if "tests" not in file.parts]
+SOURCES = [
+    file
+    for folder in ROOT.iterdir()
+    if folder.is_dir() and folder.name[0] != "." and folder.name not in ("tests", "out", "build")
+    for file in folder.rglob("*.py")
+]
 VERDICTS = {verdict.EXPLAINED, verdict.PARTLY, verdict.NOTHING, verdict.UNEXPLAINED}
 REPORTS = ("report/data.py", "report/numbers.py", "report/formulas.py", "numbers/identification.py",
            "estimate.py")  # fmt: skip
