@@ -146,9 +146,8 @@ def test_the_governor_is_tuned_at_the_plants_step() -> None:
     ship = load_ship("frigate")
     assert np.array_equal(_governor_gains(ship), np.array(tune(ship, 0.05)))
     assert Batch(1, Settings()).gains.shape == (3, 0)
-    assert np.array_equal(
-        Batch(1, Settings(action_mode="shaft-speed")).gains, _governor_gains(ship)
-    )
+    by_speed = Batch(1, Settings(action_mode="shaft-speed"))
+    assert np.array_equal(by_speed.gains, _governor_gains(ship))
 
 
 def test_the_interval_is_whole_steps_of_the_ships() -> None:

@@ -13,25 +13,23 @@ import pytest
 import torch
 from stable_baselines3.common.vec_env import VecNormalize
 
-from shaftline.agents import Setting, load_policy, read_recipe, run_episodes, train
+from shaftline.agents import Setting, load_policy, run_episodes, train
 from shaftline.agents.evaluation.statistics import interquartile_mean
 from shaftline.agents.learning import training
 from shaftline.agents.learning.policy_env import PolicyEnv
 from shaftline.agents.learning.privileged_critic import TOLD
 from shaftline.agents.learning.training import (
-    FIRST_JUDGED_SEED,
     Falling,
     _built,
     _Watch,
     digest,
-    judged,
     legs_of,
     network_of,
 )
 from shaftline.agents.policy.residual import ANSWERS, Form
 from shaftline.core import sweep
 from shaftline.core.archives import read_archive, unpacked
-from shaftline.envs import FrigateVectorEnv, Sb3Frigates
+from shaftline.envs import Sb3Frigates
 
 from ..tiny import PPO, SAC, interrupted_after_a_leg, recipe
 
@@ -127,33 +125,6 @@ def test_legs_are_judged_as_the_recipe_sails(tmp_path: Path) -> None:
                    task_model=plan.rewarded(), first_seed=500_000)  # fmt: skip
     kpis, _ = run_episodes(cell, policy)
     assert policy.curve["reward"] == [pytest.approx(interquartile_mean(kpis["reward"]))]
-
-
-@pytest.mark.parametrize(
-    "own",
-    [
-        {"sea": {"hs_m": [1.0, 3.0], "tp_s": 8.0}},
-        {"observer": "luenberger", "tuning": "low"},
-        {"randomise": {"hull.resistance_coefficient_N_s2_m2": 0.5}},
-    ],
-)
-def test_evaluation_intervals_use_every_keyword_of_the_recipe(own: dict[str, Any]) -> None:
-    """What a training's environment has, the one that judges it has as well."""
-    policy = load_policy("rough-sea")
-    kwargs: dict[str, Any] = {"episode_s": 5.0, "sensor_noise": 0.0, "observer": "none"} | own
-    plan = read_recipe("ppo", "rough-sea", env_kwargs=kwargs)
-    found = judged(policy, plan, "frigate-at-sea", threads=1)
-    env = FrigateVectorEnv(24, threads=1, ship="frigate-at-sea", task=plan.rewarded(), **kwargs)
-    observation, _ = env.reset(seed=FIRST_JUDGED_SEED)
-    state, starting, rewards = None, np.ones(24, bool), np.zeros(24)
-    for _ in range(10):
-        action, state = policy.predict(observation, state, starting)
-        observation, reward, *_ = env.step(action)
-        rewards, starting = rewards + reward, np.zeros(24, bool)
-    assert found["reward"] == pytest.approx(interquartile_mean(rewards))
-    plain = judged(policy, read_recipe("ppo", "rough-sea", env_kwargs={"episode_s": 5.0}),
-                   "frigate-at-sea", threads=1)  # fmt: skip
-    assert found["reward"] != plain["reward"]
 
 
 def test_a_finished_training_is_left_alone(whole: Any) -> None:
