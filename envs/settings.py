@@ -9,9 +9,8 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from ..core.models import FileModel
 from ..plant import Sea, Ship, get_sea
 from .records import MAX_ORDERS, NOISE
 from .tasks import Task
@@ -41,7 +40,7 @@ SeaRange = tuple[Sea, Sea]
 """Lowest and highest value of every parameter; an episode draws each uniformly between them."""
 
 
-class Settings(FileModel):
+class Settings(BaseModel):
     """Keywords of an environment.
 
     Args:
@@ -64,7 +63,7 @@ class Settings(FileModel):
             of a governor that runs at the plant's time step.
     """
 
-    model_config = ConfigDict(strict=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     ship: Any = None
     task: Any = "speed-keeping"
