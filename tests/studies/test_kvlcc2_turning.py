@@ -75,6 +75,4 @@ def test_three_numbers_of_five_runs_carry_to_the_unseen_one() -> None:
     assert rate["three numbers"] == pytest.approx(0.18, abs=0.03)
     assert rate["Nomoto"] == pytest.approx(0.87, abs=0.02)
     low, high = found.found["three numbers"].estimates[1].ci95
-    assert (low, high) == pytest.approx(
-        (-0.0521, -0.0484), abs=2e-4
-    )  # published: -0.049
+    assert (low, high) == pytest.approx((-0.0521, -0.0484), abs=2e-4)  # published: -0.049
