@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import functools
 import math
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 
 from .keys import KeyInfo, Section, is_lag
 from .record import PLANT
@@ -56,33 +58,37 @@ def time_constants(ship: Ship) -> dict[str, float]:
 def _shaft_time_constant(ship: Ship) -> float:
     """Return the shaft's inertia over what damps it [s]; infinite where nothing does."""
     slope = _damping(ship)
-    if not (ship.turns_freely and slope > 0.0):
-        return math.inf
+    return _inertia(ship) / slope if ship.turns_freely and slope > 0.0 else math.inf
+
+
+def _inertia(ship: Ship) -> float:
+    """Return the inertia [kg m2] of the shaft, without the curves that fill a ship's whole record."""
     plant = np.zeros(1, PLANT)[0]
     ship.transmission.fill(plant)
-    ship.propeller.fill(plant)
-    return float(shaft_inertia(plant)) / slope
+    plant["entrained_inertia"] = ship.propeller.entrained_inertia_kg_m2
+    return float(shaft_inertia(plant))
 
 
 def _damped(ship: Ship, key: str, value: float, bound: float) -> float:
     """Return how far a number may go towards a bound while the time step resolves the shaft."""
+    if not ship.turns_freely:
+        return bound
     section, _, name = key.partition(".")
     table = getattr(ship, section)
 
-    def is_resolved(at: float) -> bool:
+    def excess(at: float) -> float:
+        """Return the inertia that is missing [kg m2], which is linear in frictions and inertias."""
         changed = ship.model_copy(update={section: table.model_copy(update={name: at})})
         try:
-            return _shaft_time_constant(changed) >= ship.time_step_s
+            return ship.time_step_s * _damping(changed) - _inertia(changed)
         except ZeroDivisionError:  # at an excluded bound, such as a resistance of 0
-            return False
+            return sys.float_info.max
 
-    good, bad = value, math.copysign(min(abs(bound), 1e12), bound)
-    if not is_resolved(good) or is_resolved(bad):
+    end = math.copysign(min(abs(bound), 1e12), bound)
+    if excess(end) <= 0.0 or excess(value) > 0.0:
         return bound
-    for _ in range(60):
-        middle = 0.5 * (good + bad)
-        good, bad = (middle, bad) if is_resolved(middle) else (good, middle)
-    return good
+    root = float(scipy.optimize.brentq(excess, value, end, rtol=1e-12))
+    return root + 1e-9 * (value - root)
 
 
 def _damping(ship: Ship) -> float:
