@@ -39,7 +39,7 @@ from .ship_errors import ShipError, validated
 from .surroundings import Integration, Water
 from .term_kernel import MAX_SIGNALS, MAX_TERMS
 from .terms import OF_A_TURN, Name, Term
-from .time_constants import check_time_constants, resolved
+from .time_constants import check_time_constants, resolved, resolved_parameter
 from .tolerances import Tolerances
 from .ventilation import Ventilation
 
@@ -268,6 +268,7 @@ class Ship(Section):
                 found = own.parameters[name]
                 place = (slot, list(own.parameters).index(name))
                 info = KeyInfo(found.unit, found.low, found.high, None)
+                info = resolved_parameter(self, own, name, info)
                 return Number(dotted, found.value, info, "term_constants", place)
         raise ShipError(f"{self.name}: {dotted} is not a known key")
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
+from .expressions import names_in
 from .keys import KeyInfo, Section, is_lag
 from .record import PLANT
 from .shaft import shaft_inertia
@@ -116,13 +117,18 @@ def check_time_constants(ship: Ship) -> None:
     for term in ship.term:
         if term.state is None:
             continue
-        fastest = _fastest_rate(term, tuple(sorted(ship.signals)), tuple(_conditions(ship)))
+        fastest = _fastest_rate(term, *_surroundings(ship))
         if fastest * step > 1.0 + 1e-6:
             raise ValueError(
                 f"term {term.id!r}: its state {term.state} has a time constant of "
                 f"{1.0 / fastest:.4g} s, shorter than integration.time_step_s = {step:g} s, which "
                 "cannot resolve it. Give parameters of a slower rate or a shorter time step"
             )
+
+
+def _surroundings(ship: Ship) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
+    """Return the signals that a ship's terms hear from outside, and where their rates are looked at."""
+    return tuple(sorted(ship.signals)), tuple(_conditions(ship))
 
 
 def _conditions(ship: Ship) -> Iterator[tuple[float, ...]]:
@@ -194,6 +200,47 @@ def _rest(rate: Any) -> float:
         middle = 0.5 * (near + far)
         near, far = (middle, far) if rate(middle) * begins > 0.0 else (near, middle)
     return 0.5 * (near + far)
+
+
+def resolved_parameter(ship: Ship, term: Term, name: str, info: KeyInfo) -> KeyInfo:
+    """Return the range of a term's parameter as far as the ship's time step resolves the term's state.
+
+    Args:
+        ship: that carries the term.
+        term: the term.
+        name: of the parameter.
+        info: range that the term allows.
+    """
+    if term.rate is None or name not in names_in(term.rate):
+        return info
+    step, around = ship.time_step_s, _surroundings(ship)
+    low, high = (_slowed(term, name, bound, step, *around) for bound in (info.low, info.high))
+    return info._replace(low=low, high=high)
+
+
+@functools.lru_cache(maxsize=256)
+def _slowed(
+    term: Term,
+    name: str,
+    bound: float,
+    step: float,
+    signals: tuple[str, ...],
+    conditions: tuple[tuple[float, ...], ...],
+) -> float:
+    """Return how far a term's parameter may go towards a bound while a step [s] resolves its state."""
+    value = term.parameters[name].value
+
+    def spare(at: float) -> float:
+        """Return the state's shortest time constant less the step [s]."""
+        given = term.parameters[name].model_copy(update={"value": at})
+        other = term.model_copy(update={"parameters": {**term.parameters, name: given}})
+        fastest = _fastest_rate(other, signals, conditions)
+        return min(1.0 / fastest, 1e12) - step if fastest > 0.0 else 1e12
+
+    if spare(bound) >= 0.0 or spare(value) < 0.0:
+        return bound
+    root = float(scipy.optimize.brentq(spare, value, bound, rtol=1e-12))
+    return root + 1e-9 * (value - root)
 
 
 def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:

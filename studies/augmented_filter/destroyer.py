@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from ...plant import Nomoto, Ship, ShipError, approach, load_ship, nomoto, zig_zag
+from ...plant.divergence import DivergenceError
 from .zig_zag import (
     COEFFICIENTS,
     STEP_S,
@@ -114,7 +115,7 @@ def turn_of(ratios: Any) -> Turn | None:
     """The turn of an identified ship; None where there is none."""
     try:
         return steady_turn(as_identified(ratios), SPEED)
-    except ShipError:
+    except (ShipError, DivergenceError):
         return None
 
 

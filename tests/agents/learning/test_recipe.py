@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from shaftline.envs import get_task, tasks
 from shaftline.envs.settings import Settings
 
 CHOSEN = {"observer", "tuning", "sea", "sensor_noise", "episode_s", "randomise"}
-ELSEWHERE = sorted({one.name for one in fields(Settings)} - CHOSEN)
+ELSEWHERE = sorted(set(Settings.model_fields) - CHOSEN)
 """Keywords of the environment that would change what the base controller sees or commands."""
 
 MINE = """
