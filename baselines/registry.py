@@ -6,6 +6,7 @@ A package offers its own by entry points of the group ``shaftline.controllers`` 
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
 from collections.abc import Mapping
@@ -145,13 +146,19 @@ def make_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     try:
         return kind(ship, interval_s, **fixed, **options)
     except TypeError as error:
-        raise ControllerError(f"{text!r}: {_in_own_words(error)}") from None
+        raise ControllerError(f"{text!r}: {_in_own_words(error, kind, fixed)}") from None
 
 
-def _in_own_words(error: TypeError) -> str:
+def _in_own_words(error: TypeError, kind: Any, fixed: Mapping[str, Any]) -> str:
     """Return what is wrong with the options of a call, without the name of what was called."""
     if found := re.search(r"unexpected keyword argument '(.*)'", str(error)):
-        return f"option {found[1]!r} is unknown"
+        own = [
+            name
+            for name, option in inspect.signature(kind).parameters.items()
+            if isinstance(option.default, float) and name not in fixed
+        ]
+        known = f"known: {', '.join(own)}" if own else "it has none"
+        return f"option {found[1]!r} is unknown; {known}"
     return re.sub(r"^[\w.<>]+\(\) ", "", str(error))
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,7 @@ import scipy
 
 from .expressions import names_in
 from .keys import KeyInfo, Section, is_lag
+from .manoeuvring import hull_forces, planar_acceleration
 from .record import PLANT
 from .shaft import shaft_inertia
 from .term_kernel import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added
@@ -34,6 +35,11 @@ _CRUISE_M_S = 5.0  # at which the rate of a term's state is looked at, and twice
 SHAFT = "transmission: inertia / (viscous friction + slope of arctangent friction + back-EMF)"
 """Time constant [s] of the shaft, as messages name it."""
 
+
+SWAY_AND_YAW = "manoeuvring: the faster mode of sway and yaw, at a Froude number of 0.5"
+"""Time constant [s] of a ship that turns, as messages name it."""
+
+_FASTEST_FROUDE = 0.5  # no hull that these derivatives describe is faster
 
 _OF_THE_SHAFT = ("transmission", "prime_mover", "propeller")
 """Sections whose numbers set the shaft's inertia and what damps it."""
@@ -53,7 +59,31 @@ def time_constants(ship: Ship) -> dict[str, float]:
     shaft = _shaft_time_constant(ship)
     if math.isfinite(shaft):
         found[SHAFT] = shaft
+    if ship.turns and ship.moves:
+        found[SWAY_AND_YAW] = 1.0 / _rate_of_sway_and_yaw(ship)
     return found
+
+
+def _rate_of_sway_and_yaw(ship: Ship) -> float:
+    """Return the rate [1/s] of the faster mode of sway and yaw with the rudder amidships."""
+    plant = np.zeros(1, PLANT)[0]
+    ship.hull.fill(plant)
+    ship.manoeuvring.fill(plant)
+    plant["density"], plant["current"], plant["cross_current"] = ship.water.density_kg_m3, 0.0, 0.0
+    length = ship.manoeuvring.length_m
+    speed = _FASTEST_FROUDE * math.sqrt(scipy.constants.g * length)
+    small = 1e-6 * np.diag([speed, speed / length])
+
+    def rates(across: float, yaw_rate: float) -> Any:
+        _, side, moment = hull_forces(plant, speed, across, yaw_rate)
+        return planar_acceleration(plant, speed, across, yaw_rate, 0.0, 0.0, side, moment)[1:]
+
+    slopes = [
+        np.subtract(rates(*by), rates(*-by)) / (2.0 * by.sum()) for by in small
+    ]  # d(rates)/d(state), a row a state
+    if not np.isfinite(slopes).all():
+        return sys.float_info.max
+    return max(float(np.abs(np.linalg.eigvals(slopes).real).max()), 1e-12)
 
 
 def _shaft_time_constant(ship: Ship) -> float:
@@ -70,26 +100,43 @@ def _inertia(ship: Ship) -> float:
     return float(shaft_inertia(plant))
 
 
-def _damped(ship: Ship, key: str, value: float, bound: float) -> float:
-    """Return how far a number may go towards a bound while the time step resolves the shaft."""
-    if not ship.turns_freely:
-        return bound
-    section, _, name = key.partition(".")
-    table = getattr(ship, section)
+def _resolved(spare: Callable[[float], float], value: float, bound: float) -> float:
+    """Return how far a number may go from its value towards a bound, which may be infinite.
 
-    def excess(at: float) -> float:
-        """Return the inertia that is missing [kg m2], which is linear in frictions and inertias."""
-        changed = ship.model_copy(update={section: table.model_copy(update={name: at})})
-        try:
-            return ship.time_step_s * _damping(changed) - _inertia(changed)
-        except ZeroDivisionError:  # at an excluded bound, such as a resistance of 0
-            return sys.float_info.max
-
+    Args:
+        spare: at least 0 where the time step resolves what the number sets.
+        value: of the number.
+        bound: of its range.
+    """
     end = math.copysign(min(abs(bound), 1e12), bound)
-    if excess(end) <= 0.0 or excess(value) > 0.0:
+    if spare(end) >= 0.0 or spare(value) < 0.0:
         return bound
-    root = float(scipy.optimize.brentq(excess, value, end, rtol=1e-12))
+    root = float(scipy.optimize.brentq(spare, value, end, rtol=1e-12))
     return root + 1e-9 * (value - root)
+
+
+def _spare_of(ship: Ship, key: str) -> Callable[[float], float]:
+    """Return what the time step leaves of the shaft's inertia, or of sway and yaw, over a number."""
+    section, _, name = key.partition(".")
+    table, step = getattr(ship, section), ship.time_step_s
+
+    def of_the_shaft(changed: Ship) -> float:
+        """Return the inertia to spare [kg m2], which is linear in frictions and inertias."""
+        return _inertia(changed) - step * _damping(changed)
+
+    def of_sway_and_yaw(changed: Ship) -> float:
+        """Return how much less than 1 the time step is, in time constants of the faster mode."""
+        return 1.0 - step * _rate_of_sway_and_yaw(changed)
+
+    own = of_the_shaft if section in _OF_THE_SHAFT else of_sway_and_yaw
+
+    def spare(at: float) -> float:
+        try:
+            return own(ship.model_copy(update={section: table.model_copy(update={name: at})}))
+        except ZeroDivisionError:  # at an excluded bound, such as a resistance or a length of 0
+            return -sys.float_info.max
+
+    return spare
 
 
 def _damping(ship: Ship) -> float:
@@ -237,10 +284,7 @@ def _slowed(
         fastest = _fastest_rate(other, signals, conditions)
         return min(1.0 / fastest, 1e12) - step if fastest > 0.0 else 1e12
 
-    if spare(bound) >= 0.0 or spare(value) < 0.0:
-        return bound
-    root = float(scipy.optimize.brentq(spare, value, bound, rtol=1e-12))
-    return root + 1e-9 * (value - root)
+    return _resolved(spare, value, bound)
 
 
 def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
@@ -254,8 +298,11 @@ def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
     """
     section, _, name = key.partition(".")
     table, step = getattr(ship, section), ship.time_step_s
-    if section in _OF_THE_SHAFT:
-        low, high = (_damped(ship, key, value, bound) for bound in (info.low, info.high))
+    if (section in _OF_THE_SHAFT and ship.turns_freely) or (
+        section == "manoeuvring" and ship.turns
+    ):
+        spare = _spare_of(ship, key)
+        low, high = (_resolved(spare, value, bound) for bound in (info.low, info.high))
         info = info._replace(low=low, high=high)
     limits = ship.prime_mover.resolved(step) if section == "prime_mover" else {}
     if name in limits:

@@ -28,7 +28,7 @@ Recorded: TypeAlias = str | Path | Recording | pd.DataFrame
 """A CSV or Parquet file; a table, which passes the same checks; or what :func:`.load_recording` made of
 either."""
 
-NOT_TWICE = "what is set aside must not be fitted, and nothing counts twice: give each stretch once"
+NOT_TWICE = "held-out rows must not be fitted, and no row counts twice: give each stretch once"
 
 
 @dataclass(frozen=True)

@@ -207,8 +207,8 @@ def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) 
     yardstick = Yardstick(ship, table, interval)
     pair = yardstick.swapped()
     impossible = list(impossible_demands(table, ship))
-    if pair is None and not impossible and (said := yardstick.stranger()):
-        raise RecordingError(f"{path}: {said}")
+    if pair is None and not impossible and (reason := yardstick.foreign()):
+        raise RecordingError(f"{path}: {reason}")
     if dead := list(yardstick.dead()):
         raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in dead))
     if pair is None and pitch_swapped(table, interval, ship):

@@ -1,4 +1,4 @@
-"""Recordings that repeat each other's rows: data set aside that were fitted prove nothing."""
+"""Recordings that repeat each other's rows: held-out data must not be among the fitted data."""
 
 from __future__ import annotations
 

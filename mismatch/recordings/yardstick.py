@@ -161,7 +161,7 @@ class Yardstick:
             s for s in slips_of(self._drive, self.ship) if abs(math.log(abs(s.factor))) > _RETOLD
         ]
 
-    def stranger(self) -> str | None:
+    def foreign(self) -> str | None:
         """A sentence where the recording is hardly of this ship: levels apart that no slip explains."""
         apart = {}
         for column in set(_LEVELS) & set(self.off):

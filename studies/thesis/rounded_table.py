@@ -163,12 +163,14 @@ def wrong_curve_changes() -> pd.DataFrame:
 def reasons(exact: pd.DataFrame, rounded: pd.DataFrame) -> dict[tuple[str, str], Reason]:
     """Return what the table adds to each score, as reasons of Table 4-1.
 
+    The rows by which the table was chosen have none: it explains what it was not fitted to.
+
     Args:
         exact: scores with the exact inverse, from :func:`table_scores`.
         rounded: scores with the table.
     """
     found = {}
-    for row in ROWS:
+    for row in set(ROWS) - set(CHOSEN_BY):
         for case in exact.columns:
             shift = float(rounded.loc[row, case] - exact.loc[row, case])
             within = PITCH_POINTS if case == "pitch_step" else OTHER_POINTS

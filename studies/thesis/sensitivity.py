@@ -9,7 +9,7 @@ import pandas as pd
 
 from ...observers import follow_record, get_observer, readings_of, variance_accounted_for
 from ...plant import Ship, load_ship
-from ..cells import Cell, Kind, Reason, half_digit
+from ..cells import Cell, Kind, half_digit
 from ..side_by_side import Judged, compare, published_text
 from .load_cases import CASES
 from .vaf import ROWS
@@ -115,36 +115,14 @@ def sensitivity_table(tick: Callable[[], None] = lambda: None) -> pd.DataFrame:
     return table
 
 
-_KEPT = (
-    "a filter that keeps the right I_R has no change, as printed; its gain and model follow from I_R, "
-    "so a wrong I_R must show. Why it did not reach these filters the thesis does not say (its I&I rows "
-    "change)"
-)
-_FILTERS = ("luenberger-moderate", "luenberger-high", "shaft-kalman")
 _CHANGES = "the change is a difference of two scores that are rounded to two digits"
-_INERTIA = ("inertia_minus_10pct", "inertia_plus_10pct")
 
 
-def kept_inertia(ours: pd.DataFrame) -> dict[tuple[str, str], Reason]:
-    """Return what the right inertia adds to the changes of the filters with a model of the shaft.
-
-    Args:
-        ours: from :func:`sensitivity_table`.
-    """
-    return {
-        (row, column): Reason(_KEPT, shift)
-        for row in _FILTERS
-        for column in _INERTIA
-        if (shift := -float(ours.loc[row, column]))
-    }
-
-
-def cells(ours: pd.DataFrame, reasons: dict[tuple[str, str], Reason] | None = None) -> list[Cell]:
+def cells(ours: pd.DataFrame) -> list[Cell]:
     """Return the cells of Table 5-1 for our changes, from :func:`sensitivity_table`.
 
     Args:
         ours: scores with right knowledge, and their changes.
-        reasons: from :func:`kept_inertia`.
     """
 
     def judge(row: str, column: str, text: str) -> Judged:
@@ -155,6 +133,4 @@ def cells(ours: pd.DataFrame, reasons: dict[tuple[str, str], Reason] | None = No
             return Kind.FREE, 3.0 * half, f"half a unit of the last printed digit; {_CHANGES}"
         return Kind.FREE, 2.0 * half, _CHANGES
 
-    return compare(
-        "5-1", ours, published_text("advance_velocity_thesis_sensitivity"), judge, reasons
-    )
+    return compare("5-1", ours, published_text("advance_velocity_thesis_sensitivity"), judge)

@@ -87,7 +87,8 @@ def reproduce_vaf(folder: Path, tick: Tick) -> Reproduced:
         "interpolation at the pitch node at or below the measured pitch and at the nearest KQ:\n\n"
         f"{markdown(_beside(rounded, 'advance_velocity_thesis_vaf'))}\n\n"
         "Steps and rule were chosen by the rows of the shaft acceleration observer and of the power "
-        "balance; the other rows follow. Other tables in the pitch step:\n\n"
+        "balance, so it is no reason for theirs; the other rows follow. Other tables in the pitch "
+        "step:\n\n"
         f"{markdown(rounded_table.other_tables(), 4)}\n\n"
         "Time traces: " + ", ".join(f"[{r}](figures/traces-{r}.png)" for r in vaf.ROWS) + "\n"
     )
@@ -201,7 +202,7 @@ def reproduce_sensitivity(folder: Path, tick: Tick) -> Reproduced:
         "![Estimates over 10 s, a panel an observer](figures/beliefs.png)\n"
     )
     title = "Change of VAF with wrong knowledge of the ship, points (Table 5-1)"
-    cells = sensitivity.cells(ours, sensitivity.kept_inertia(ours))
+    cells = sensitivity.cells(ours)
     return _finished("sensitivity", title, ours, cells, folder, 2, extra)
 
 

@@ -82,9 +82,9 @@ ventilates there.
 
 ## What a detector and another limit could reach
 
-A detector that is told the truth gives {oracle.thrust:.1f} N, {oracle.power:.0f} W and eta_E
-{oracle.efficiency:.3f} against {on.thrust:.1f} N, {on.power:.0f} W and {on.efficiency:.3f}. The
-columns of the next tables from "thrust" on are ratios, with over without anti-spin; "carriage by
+A detector that knows when the propeller ventilates gives {oracle.thrust:.1f} N, {oracle.power:.0f} W
+and eta_E {oracle.efficiency:.3f} against {on.thrust:.1f} N, {on.power:.0f} W and {on.efficiency:.3f}.
+The columns of the next tables from "thrust" on are ratios, with over without anti-spin; "carriage by
 thrust" is the carriage's speed weighted by thrust.
 
 {limits}

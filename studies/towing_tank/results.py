@@ -218,7 +218,7 @@ def _changes(ship: Ship, programme: Programme) -> dict[str, Callable[[], Pair]]:
         "viscous friction believed half": believes(
             "transmission.viscous_friction_engine_side_N_m_s_rad", 0.004
         ),
-        "motor gives 2 % less than it is told": reads(torque_gain=0.98),
+        "motor gives 2 % less than ordered": reads(torque_gain=0.98),
         "motor gives 2 % more": reads(torque_gain=1.02),
         "speed read with 0.05 rad/s of noise": reads(shaft_speed=0.05),
     }

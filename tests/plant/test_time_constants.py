@@ -14,7 +14,7 @@ from shaftline.plant.keys import KeyInfo, Section, is_lag
 from shaftline.plant.ship import Ship
 from shaftline.plant.ship_errors import ShipError
 from shaftline.plant.state import LAGS
-from shaftline.plant.time_constants import SHAFT, time_constants
+from shaftline.plant.time_constants import SHAFT, SWAY_AND_YAW, time_constants
 
 SHIPS = sorted(path.stem for path in (Path(__file__).parents[2] / "plant/ships").glob("*.toml"))
 STEP = 0.05
@@ -93,9 +93,11 @@ def test_the_packaged_ships_resolve_all_of_theirs(name: str) -> None:
         ),
         ("rov-thruster", {"prime_mover.motor_constant_V_s_rad": 5.0}, "back-EMF"),
         ("towing-tank", {"transmission.arctangent_friction_engine_side_N_m": 3e4}, "arctangent"),
+        ("kvlcc2", {"manoeuvring.Y_v": -20.0}, "sway and yaw"),
+        ("kvlcc2", {"manoeuvring.N_r": -5.0}, "sway and yaw"),
     ],
 )
-def test_what_damps_a_shaft_faster_than_the_time_step_is_refused(
+def test_what_damps_a_motion_faster_than_the_time_step_is_refused(
     name: str, change: dict[str, float], words: str
 ) -> None:
     with pytest.raises(ShipError, match=words) as caught:
@@ -110,6 +112,27 @@ def test_the_shafts_is_its_inertia_over_what_damps_it() -> None:
     })  # fmt: skip
     inertia = 68108.0
     assert time_constants(ship)[SHAFT] == pytest.approx(inertia / 1500.0)
+
+
+@pytest.mark.parametrize("name", ["kvlcc2", "frigate-turning", "esso-osaka", "ddg-51-surrogate"])
+def test_that_of_sway_and_yaw_is_of_the_matrix_of_derivatives(name: str) -> None:
+    """``(M - A) dx/dt = N x`` of x = (v/U, r L/U) without dimension, by the keys of the ship's file."""
+    ship = load_ship(name)
+    own = ship.manoeuvring
+    area = own.draught_m if own.normalised_by == "length-draught" else own.length_m
+    mass = own.displacement_kg / (0.5 * ship.water.density_kg_m3 * own.length_m**2 * area)
+    along = ship.hull.mass_kg / own.displacement_kg * mass
+    off, gyration = (
+        at / own.length_m for at in (own.centre_of_gravity_m, own.radius_of_gyration_m)
+    )
+    inertia = np.array([
+        [mass - own.Y_vdot, mass * off - own.Y_rdot],
+        [mass * off - own.N_vdot, mass * (gyration**2 + off**2) - own.N_rdot],
+    ])  # fmt: skip
+    damping = np.array([[own.Y_v, own.Y_r - along], [own.N_v, own.N_r - mass * off]])
+    fastest = np.abs(np.linalg.eigvals(np.linalg.solve(inertia, damping)).real).max()
+    seconds_a_length = own.length_m / (0.5 * math.sqrt(9.80665 * own.length_m))
+    assert time_constants(ship)[SWAY_AND_YAW] == pytest.approx(seconds_a_length / fastest, rel=1e-5)
 
 
 def _with_term(rate: str, **parameters: float) -> dict[str, Any]:

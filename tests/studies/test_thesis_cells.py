@@ -48,8 +48,7 @@ def vaf_cells(ours: pd.DataFrame) -> list[Cell]:
 
 
 def sensitivity_cells(ours: pd.DataFrame) -> list[Cell]:
-    model = published(SENSITIVITY) + 2.0  # as if our model were off by two points everywhere
-    return sensitivity.cells(ours, sensitivity.kept_inertia(model))
+    return sensitivity.cells(ours)
 
 
 def snr_cells(ours: pd.DataFrame) -> list[Cell]:
