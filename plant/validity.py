@@ -64,9 +64,15 @@ class Departure(NamedTuple):
             allowed = f"at most {high:.4g}"
         return (
             f"{self.row.quantity} left its range of validity ({allowed}{unit}) at "
-            f"{self.first_s:.4g} s: it spans {self.reached[0]:.4g} to {self.reached[1]:.4g}{unit} and "
-            f"is outside for {100.0 * self.share:.3g} % of the run; {self.row.beyond}"
+            f"{self.first_s:.4g} s: it spans {_shown(self.reached[0])} to "
+            f"{_shown(self.reached[1])}{unit} and is outside for {100.0 * self.share:.3g} % of the "
+            f"run; {self.row.beyond}"
         )
+
+
+def _shown(value: float) -> str:
+    """Return a number in four digits; what a shaft that has come to rest still creeps is 0."""
+    return f"{value if abs(value) > 1e-9 else 0.0:.4g}"
 
 
 def departures(ship: Ship, samples: NDArray[Any]) -> list[Departure]:
