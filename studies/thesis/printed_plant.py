@@ -191,6 +191,32 @@ def slopes(ship: Ship) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def common_row() -> tuple[dict[str, float], float]:
+    """Return the one row of M_m that is nearest to all printed gains of Tables 2-5, 2-8, 2-11 and 2-14.
+
+    Each gain is (row to omega) x (gain to omega) + (row to v_s) x (gain to v_s) + what the input adds
+    itself; the resistance adds nothing. Least squares of the relative differences.
+
+    Returns:
+        The row by signal [N m per unit], and the largest relative difference from a printed gain.
+    """
+    signals = ("omega", "v_s", "P/D", "X", "u_x")
+    direct = {"2-5": "P/D", "2-8": "X", "2-14": "u_x"}
+    beside = {"2-5": ("2-3", "2-4"), "2-8": ("2-6", "2-7"), "2-11": ("2-9", "2-10"),
+              "2-14": ("2-12", "2-13")}  # fmt: skip
+    lines = []
+    for table in GAUGE:
+        for point in POINTS:
+            line = dict.fromkeys(signals, 0.0)
+            line["omega"], line["v_s"] = (printed(one, point).gain for one in beside[table])
+            if table in direct:
+                line[direct[table]] = 1.0
+            lines.append([line[name] / printed(table, point).gain for name in signals])
+    row = np.linalg.lstsq(np.array(lines), np.ones(len(lines)), rcond=None)[0]
+    worst = float(np.max(np.abs(np.array(lines) @ row - 1.0)))
+    return dict(zip(signals, row.tolist(), strict=True)), worst
+
+
 def repeated_row(ship: Ship) -> pd.DataFrame:
     """Return gains and zeros to M_m at B, C and D: by the point's own row, by A's row, and printed."""
     rows = []

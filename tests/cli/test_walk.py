@@ -215,6 +215,28 @@ def test_a_diesel_ship_is_evaluated_and_her_loop_shown(
     )  # fmt: skip
 
 
+OBSERVER_NEEDS = (
+    "needs a propeller, whose inflow it estimates",
+    "needs the inertia behind the torque gauge",
+    "needs a torque that goes by the inflow, but propeller.model is 'bollard'",
+)
+
+
+@pytest.mark.parametrize(
+    "ship", some(("frigate", "kvlcc2", "thruster-on-a-bench", "drive-with-load"))
+)
+@pytest.mark.parametrize("observer", ["luenberger", "random-walk-kalman", "power-balance"])
+def test_a_voyage_in_a_sea_with_an_observer(
+    observer: str, ship: str, files: Files, tmp_path: Path
+) -> None:
+    file, inputs = tmp_path / "voyage.csv", files.recording(ship, "staircase")
+    common = ("simulate", "--ship", files.ship(ship), "--inputs", inputs, "--sea", "state-4")
+    result = run(*common, "--observer", observer, "--seed", 3, "--out", file)
+    if not refused(result, *OBSERVER_NEEDS):
+        estimate = pd.read_csv(file)["estimated_advance_velocity_m_s"]
+        assert np.isfinite(estimate).all()
+
+
 CASE_NEEDS = (
     "needs a propeller; .* has none",
     "needs blades that turn; .* has a fixed pitch",
