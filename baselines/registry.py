@@ -77,7 +77,7 @@ def make_helmsman(
         made: ShapedHelmsman = kind(ship, interval_s, speed_m_s, **options)
         return made
     except TypeError as error:
-        raise ControllerError(f"{text!r}: {_in_own_words(error)}") from None
+        raise ControllerError(f"{text!r}: {_in_own_words(error, kind, {})}") from None
 
 
 def controller_names() -> list[str]:

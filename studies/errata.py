@@ -93,7 +93,7 @@ def _drive_train() -> list[Erratum]:
     first, fourth = (_at_point_c(c) for c in ("staircase_method_1", "sine_correlation_method_4"))
     printed = -first.stiffness * first.efficiency / first.slow_pole
     response = published("tito_neri_frequency_response")
-    measured, kept = response["current_gain"], response["current_phase_deg"].loc[500.0]
+    measured, kept = response["current_gain"], float(response["current_phase_deg"].loc[500.0])
     resistance = published("tito_neri_identified_parameters").loc["R_a"]
     resistance = float(resistance["sine_correlation_method_4"])
 
