@@ -46,6 +46,7 @@ class TrialShip:
         self.nominal = self.ship.record()
         self._scales = scales(balances)
         self._longest_s = (HISTORY - 2) * min(run.dt for run in balances.replay.runs)
+        self._numbers: dict[tuple[str, ...], Number] = {}
 
     def settings(self, placed: Placed) -> dict[str, float]:
         """Dotted keys of the ship's file and their values."""
@@ -59,8 +60,16 @@ class TrialShip:
             start, end = placed.window
             found[f"{section}.episode_start_s"] = start
             found[f"{section}.episode_end_s"] = end
-        host = placed.effect.on(self.ship)
-        return {key: self._inside(host.number(key), value) for key, value in found.items()}
+        return {
+            key: self._inside(self._number((placed,), key), value) for key, value in found.items()
+        }
+
+    def _number(self, effects: tuple[Placed, ...], key: str) -> Number:
+        """Return a number of the ship with the terms of some effects on it; worked out once."""
+        place = (*(placed.effect.label for placed in effects), key)
+        if place not in self._numbers:
+            self._numbers[place] = self.host(effects).number(key)
+        return self._numbers[place]
 
     def _inside(self, number: Number, value: float) -> float:
         """Return the nearest value that a number can have on this ship and in this recording."""
@@ -68,12 +77,12 @@ class TrialShip:
 
     def _scale(self, of: str) -> float:
         """What a probe of 1 is worth: a scale by name, or the size of a number of the ship's file."""
-        return self._scales[of] if of in self._scales else abs(self.ship.number(of).value)
+        return self._scales[of] if of in self._scales else abs(self._number((), of).value)
 
     def _fixed(self, of: float | str) -> float:
         """A number as it stands, by a scale, or another key's."""
         if isinstance(of, str):
-            return self._scales[of] if of in self._scales else self.ship.number(of).value
+            return self._scales[of] if of in self._scales else self._number((), of).value
         return of
 
     def range_of(self, parameter: Parameter) -> tuple[float, float]:
@@ -99,7 +108,7 @@ class TrialShip:
         plant = self.nominal.copy() if host is self.ship else host.record()
         for placed in effects:
             for key, value in self.settings(placed).items():
-                host.number(key).write(plant, value)
+                self._number(effects, key).write(plant, value)
         return plant
 
     def corrected(self, effects: tuple[Placed, ...]) -> Ship:
