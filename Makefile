@@ -45,7 +45,8 @@ results: $(INSTALLED)
 	    --controller combinator --controller cpp-optimiser --controller anti-spin \
 	    --sea calm --sea state-3 --sea state-5 --sea state-6 --observer all
 	for task in rough-sea calm-machinery acceleration flank silent storm speed-keeping transit; do \
-	    for seed in 1 2 3 4 5; do \
+	    case $$task in rough-sea|calm-machinery) seeds="1 2 3 4 5 6 7 8 9 10";; *) seeds="1 2 3 4 5";; esac; \
+	    for seed in $$seeds; do \
 	    $(BIN)/shaftline train --task $$task --seed $$seed --out out/policies/$$task/seed-$$seed; done; done
 	$(BIN)/python -m shaftline.studies.policies --trained out/policies --out docs/results/policies
 	$(BIN)/shaftline video combinator-trimmed policy:rough-sea --task rough-sea:held-out --seed 900002 \
