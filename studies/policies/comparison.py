@@ -7,6 +7,7 @@ are over trainings and episodes together.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,7 +86,9 @@ class Comparison:
         for controller, kpis in self.kpis.items():
             row: dict[str, object] = {"task": self.task, "controller": controller}
             for name in SHOWN:
-                row[name], row[f"{name}_low"], row[f"{name}_high"] = middle_of_runs(kpis[name])
+                middle, low, high = middle_of_runs(kpis[name])
+                least = -math.inf if name == "reward" else 0.0  # the others cannot be negative
+                row[name], row[f"{name}_low"], row[f"{name}_high"] = middle, max(low, least), high
             rows.append(row)
         return pd.DataFrame(rows)
 
