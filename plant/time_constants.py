@@ -19,8 +19,9 @@ import numpy as np
 import scipy
 
 from .expressions import names_in
+from .hull import Hull
 from .keys import KeyInfo, Section, is_lag
-from .manoeuvring import hull_forces, planar_acceleration
+from .manoeuvring import Manoeuvring, hull_forces, planar_acceleration
 from .record import PLANT
 from .shaft import shaft_inertia
 from .term_kernel import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added
@@ -60,17 +61,19 @@ def time_constants(ship: Ship) -> dict[str, float]:
     if math.isfinite(shaft):
         found[SHAFT] = shaft
     if ship.turns and ship.moves:
-        found[SWAY_AND_YAW] = 1.0 / _rate_of_sway_and_yaw(ship)
+        turning = (ship.hull, ship.manoeuvring, ship.water.density_kg_m3)
+        found[SWAY_AND_YAW] = 1.0 / _rate_of_sway_and_yaw(*turning)
     return found
 
 
-def _rate_of_sway_and_yaw(ship: Ship) -> float:
+@functools.lru_cache(maxsize=256)
+def _rate_of_sway_and_yaw(hull: Hull, manoeuvring: Manoeuvring, density: float) -> float:
     """Return the rate [1/s] of the faster mode of sway and yaw with the rudder amidships."""
     plant = np.zeros(1, PLANT)[0]
-    ship.hull.fill(plant)
-    ship.manoeuvring.fill(plant)
-    plant["density"], plant["current"], plant["cross_current"] = ship.water.density_kg_m3, 0.0, 0.0
-    length = ship.manoeuvring.length_m
+    hull.fill(plant)
+    manoeuvring.fill(plant)
+    plant["density"], plant["current"], plant["cross_current"] = density, 0.0, 0.0
+    length = manoeuvring.length_m
     speed = _FASTEST_FROUDE * math.sqrt(scipy.constants.g * length)
     small = 1e-6 * np.diag([speed, speed / length])
 
@@ -115,28 +118,46 @@ def _resolved(spare: Callable[[float], float], value: float, bound: float) -> fl
     return root + 1e-9 * (value - root)
 
 
-def _spare_of(ship: Ship, key: str) -> Callable[[float], float]:
-    """Return what the time step leaves of the shaft's inertia, or of sway and yaw, over a number."""
+def _spare_inertia(ship: Ship, key: str) -> Callable[[float], float]:
+    """Return what the time step leaves of the shaft's inertia [kg m2] over a number.
+
+    It is linear in frictions and inertias.
+    """
     section, _, name = key.partition(".")
-    table, step = getattr(ship, section), ship.time_step_s
-
-    def of_the_shaft(changed: Ship) -> float:
-        """Return the inertia to spare [kg m2], which is linear in frictions and inertias."""
-        return _inertia(changed) - step * _damping(changed)
-
-    def of_sway_and_yaw(changed: Ship) -> float:
-        """Return how much less than 1 the time step is, in time constants of the faster mode."""
-        return 1.0 - step * _rate_of_sway_and_yaw(changed)
-
-    own = of_the_shaft if section in _OF_THE_SHAFT else of_sway_and_yaw
+    table = getattr(ship, section)
 
     def spare(at: float) -> float:
+        changed = ship.model_copy(update={section: table.model_copy(update={name: at})})
         try:
-            return own(ship.model_copy(update={section: table.model_copy(update={name: at})}))
-        except ZeroDivisionError:  # at an excluded bound, such as a resistance or a length of 0
+            return _inertia(changed) - ship.time_step_s * _damping(changed)
+        except ZeroDivisionError:  # at an excluded bound, such as a resistance of 0
             return -sys.float_info.max
 
     return spare
+
+
+@functools.lru_cache(maxsize=1024)
+def _turning_range(
+    hull: Hull,
+    manoeuvring: Manoeuvring,
+    density: float,
+    step: float,
+    name: str,
+    low: float,
+    high: float,
+) -> tuple[float, float]:
+    """Return how far a number of a turning hull may go down and up while a step [s] resolves it."""
+
+    def spare(at: float) -> float:
+        """Return how much less than 1 the time step is, in time constants of the faster mode."""
+        changed = manoeuvring.model_copy(update={name: at})
+        try:
+            return 1.0 - step * _rate_of_sway_and_yaw(hull, changed, density)
+        except ZeroDivisionError:  # a length of 0
+            return -sys.float_info.max
+
+    value = float(getattr(manoeuvring, name))
+    return _resolved(spare, value, low), _resolved(spare, value, high)
 
 
 def _damping(ship: Ship) -> float:
@@ -298,11 +319,13 @@ def resolved(ship: Ship, key: str, value: float, info: KeyInfo) -> KeyInfo:
     """
     section, _, name = key.partition(".")
     table, step = getattr(ship, section), ship.time_step_s
-    if (section in _OF_THE_SHAFT and ship.turns_freely) or (
-        section == "manoeuvring" and ship.turns
-    ):
-        spare = _spare_of(ship, key)
+    if section in _OF_THE_SHAFT and ship.turns_freely:
+        spare = _spare_inertia(ship, key)
         low, high = (_resolved(spare, value, bound) for bound in (info.low, info.high))
+        info = info._replace(low=low, high=high)
+    if section == "manoeuvring" and ship.turns:
+        turning = (ship.hull, table, ship.water.density_kg_m3)
+        low, high = _turning_range(*turning, step, name, info.low, info.high)
         info = info._replace(low=low, high=high)
     limits = ship.prime_mover.resolved(step) if section == "prime_mover" else {}
     if name in limits:
