@@ -263,7 +263,7 @@ def test_a_ship_that_cannot_be_steered_says_why(
 
 def test_a_manoeuvre_that_does_not_come_to_its_end_is_given_up(tanker: Sailing) -> None:
     ship, point = tanker
-    sluggish = ship.with_values({"rudder.area_m2": 1e-7, "manoeuvring.N_r": -5.0})
+    sluggish = ship.with_values({"rudder.area_m2": 1e-7, "manoeuvring.N_r": -0.5})
     words = (
         r"with the rudder at 35 deg she has not reached a change of heading of 540 deg after 200"
     )
