@@ -57,9 +57,16 @@ def check(
             display.figures.check_picture(figure)
             check_writable(figure)
         if draft is not None:
+            if draft.suffix != ".toml":
+                raise ValueError(f"--draft {draft}: the name of a column map ends in .toml")
             if draft.exists():
                 raise ValueError(f"{draft}: is there already; a draft replaces no map of yours")
             check_writable(draft)
+        if recording == Path():
+            raise ValueError(
+                "a recording is needed, the path of one file; an empty name means the folder in which "
+                "the command is called, which is a folder"
+            )
         vessel = load_ship(ship)
         found = survey(recording, vessel, columns)
         print_table(pd.DataFrame(found.table()), f"{recording} on {vessel.name}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -119,10 +119,17 @@ def say(text: str) -> None:
     console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def _in_one_line(message: Warning | str, *_: Any, **__: Any) -> None:
-    """A warning without the place in the source that gave it."""
-    text = " ".join(str(message).split())
-    errors.print(f"[yellow]warning:[/] {escape(text)}", highlight=False, soft_wrap=True)
+def _each_once() -> Callable[..., None]:
+    """Return a printer of warnings: one line each, without the place in the source, none repeated."""
+    printed: set[str] = set()
+
+    def in_one_line(message: Warning | str, *_: Any, **__: Any) -> None:
+        text = " ".join(str(message).split())
+        if text not in printed:
+            printed.add(text)
+            errors.print(f"[yellow]warning:[/] {escape(text)}", highlight=False, soft_wrap=True)
+
+    return in_one_line
 
 
 def _cut(line: str) -> str:
@@ -141,7 +148,7 @@ def clear_errors() -> Iterator[None]:
     """
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _in_one_line
+            warnings.showwarning = _each_once()
             yield
     except (ValueError, OSError, MemoryError) as error:
         text = str(error) or "not enough memory"

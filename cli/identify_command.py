@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .. import mismatch
+from ..mismatch.numbers.free import AUTO, doubtful
 from ..mismatch.numbers.identification import SHIP
 from ..mismatch.numbers.pipeline import DEFAULT, METHODS
 from ..mismatch.report.files import PAGE, REPORT
@@ -37,7 +38,7 @@ def identify(
             help="Keys of the ship's file that may move, with commas between; or `auto`: those that "
             "the recordings tell, or that the method usually finds."
         ),
-    ] = "auto",
+    ] = AUTO,
     method: Annotated[
         str, typer.Option(help=f"How: {', '.join(METHODS)}.", metavar="METHOD")
     ] = DEFAULT,
@@ -80,9 +81,14 @@ def identify(
         check_folder(out, ship, SHIP)
         vessel = load_ship(ship)
         keys = [key.strip() for key in free.split(",") if key.strip()]
+        if not keys:
+            raise ValueError(
+                f"--free {free!r} names no key; give {AUTO}, or keys of the ship's file with commas "
+                f"between: {', '.join(doubtful(vessel))}"
+            )
         with stages("identifying") as tick:
             found = mismatch.identify(
-                vessel, *recordings, free="auto" if keys == ["auto"] else keys, method=method,
+                vessel, *recordings, free=AUTO if keys == [AUTO] else keys, method=method,
                 hold_out=hold_out or (), columns=columns, tolerance=tolerance, tick=tick,
             )  # fmt: skip
             tick("writing the report", 0, 1)

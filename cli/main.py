@@ -10,6 +10,7 @@ import ast
 import io
 import os
 import sys
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -61,7 +62,7 @@ class Later(TyperCommand):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> Any:
         """That of the command itself, which is thereby the one that runs."""
-        with loading():
+        with nullcontext() if "--help" in args else loading():
             command = self.itself()
         if "numba" in sys.modules:
             tell_compiling()

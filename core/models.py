@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
 
 class FileModel(BaseModel):
@@ -43,6 +43,22 @@ def _leaves(annotation: Any) -> set[Any]:
     if get_origin(annotation) is dict:
         parts = parts[1:]
     return set().union(*(_leaves(part) for part in parts if part is not Ellipsis))
+
+
+def explained(error: ValidationError) -> str:
+    """Return what pydantic refused as sentences: key, value and reason; one for each key."""
+    sentences = []
+    for item in error.errors():
+        key = ".".join(map(str, item["loc"]))
+        if item["type"] == "missing":
+            sentences.append(f"{key} is missing")
+        elif item["type"] == "extra_forbidden":
+            sentences.append(f"{key} is not a known key")
+        elif item["type"] == "value_error":
+            sentences.append(": ".join(part for part in (key, str(item["ctx"]["error"])) if part))
+        else:
+            sentences.append(f"{key} = {item['input']!r}: {item['msg'].lower()}")
+    return "; ".join(sentences)
 
 
 def refuse_words(value: Any, kinds: tuple[type, ...] = (bool,)) -> None:

@@ -21,9 +21,10 @@ from ..plant.helm import refuse_to_steer
 from ..plant.terms import Term
 from .divergence import refuse_divergence
 from .kernel import control_interval, first_observation
+from .options import Begin
 from .ranges import observed_ranges
 from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
-from .settings import Begin, Settings, check_randomise, noise_of, seas_of
+from .settings import Settings, check_randomise, noise_of, seas_of
 from .starts import draw_episodes, start_episodes, steady_states, steady_tables
 from .tasks import get_task
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .batch import Batch
 from .kernel import ENDINGS, RUNNING
+from .options import options_of
 from .records import TRUTHS
 from .rewards import TERMS
 from .settings import Settings
@@ -69,8 +70,8 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     interval of a whole episode (:func:`shaftline.envs.rewards.reward_of`).
 
     ## Episode end
-    Terminated where the engine stalls or trips on overspeed; truncated after ``episode_s``. A reset must
-    come before the next step.
+    Terminated where the engine stalls or trips on overspeed; truncated after ``episode_s``; both where
+    the engine fails in the last interval. A reset must come before the next step.
 
     ## Options of a reset
     ``sea``, ``speed_order_m_s`` (one order, or one for each interval), ``order_interval_s``,
@@ -179,6 +180,11 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
+        known = [mode.value for mode in AutoresetMode]
+        if autoreset_mode not in [*AutoresetMode, *known]:
+            raise ValueError(
+                f"unknown autoreset_mode {autoreset_mode!r}; known: {', '.join(known)}"
+            )
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = FrigateVectorEnv.metadata | {"autoreset_mode": self.autoreset_mode}
         self.batch = Batch(num_envs, Settings.of(self.defaults | settings), self.steered)
@@ -226,7 +232,7 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             ValueError: an unknown option, a value out of range, too few or many seeds, or a mask that
                 leaves a sub-environment without its first episode.
         """
-        options = dict(options or {})
+        options = options_of(options)
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise ValueError(f"reset_mask: must be {self.num_envs} booleans, one of them true")

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from ..core.models import explained
 from ..plant import Sea, Ship, get_sea
-from .records import MAX_ORDERS, NOISE
+from .records import NOISE
 from .tasks import Task
 
 ActionMode = Literal["rack", "shaft-speed"]
@@ -170,12 +169,18 @@ def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:
     if isinstance(choice, Mapping):
         ends = {name: np.atleast_1d(value).tolist() for name, value in choice.items()}
         for name, pair in ends.items():
-            if len(pair) not in (1, 2) or pair[0] > pair[-1]:
+            numbers = all(type(end) in (int, float) for end in pair)
+            if len(pair) not in (1, 2) or not numbers or pair[0] > pair[-1]:
                 raise ValueError(
                     f"sea[{name!r}] = {choice[name]!r}: must be a number, or a lowest and a highest"
                 )
         low, high = ({name: pair[end] for name, pair in ends.items()} for end in (0, -1))
-        return [(Sea(**low), Sea(**high))]
+        try:
+            return [(Sea(**low), Sea(**high))]
+        except ValidationError as error:
+            raise ValueError(
+                f"sea: {explained(error)} (keys: {', '.join(Sea.model_fields)})"
+            ) from None
     if not isinstance(choice, Sequence) or not choice:
         raise ValueError(f"sea = {choice!r}: must be a preset, parameters, or a list of those")
     return [sea for item in choice for sea in seas_of(item, task)]
@@ -219,6 +224,10 @@ def noise_of(ship: Ship, choice: float | Mapping[str, float]) -> Any:
     return record
 
 
+_NOT_VARIED = ("integration.time_step_s",)
+"""Keys that set how the plant is integrated, and no number of the ship."""
+
+
 def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
     """Refuse what a factor cannot vary, or would carry out of its range.
 
@@ -227,6 +236,8 @@ def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
     """
     for key, width in randomise.items():
         where = f"randomise[{key!r}] = {width!r}"
+        if key in _NOT_VARIED:
+            raise ValueError(f"{where}: every episode has the same {key}")
         if not ship.has_key(key):
             raise ValueError(f"{where}: must be a number of the ship's file by its dotted key")
         if not 0.0 <= width < 1.0:
@@ -240,107 +251,3 @@ def check_randomise(ship: Ship, randomise: Mapping[str, float]) -> None:
                 f"{where}: {ends[0]:g} to {ends[1]:g} leaves the range of {info.low:g} to "
                 f"{info.high:g} (unit {info.unit})"
             )
-
-
-OPTIONS = ("sea", "speed_order_m_s", "order_interval_s", "initial_speed_m_s", "resistance_rise")
-"""What ``reset(options=...)`` takes."""
-
-STEERED_OPTIONS = ("heading_order_deg", "track_order_m", "cross_current_m_s", "drift_force_kN")
-"""And besides, of a ship that is steered."""
-
-
-@dataclass(frozen=True)
-class Begin:
-    """How an episode begins, where ``reset(options=...)`` says it.
-
-    Args:
-        seas: to draw from; None leaves them to the environment.
-        orders: ordered ship speeds [m/s], one an order interval, the last held; None draws them.
-        order_interval_s: [s].
-        initial_speed_m_s: ship speed [m/s] at which the episode begins; the first order by default.
-        resistance_rise: of the mean resistance [-]; None draws it.
-        heading_orders: [rad], one an order interval, the last held; None draws them.
-        track_orders: cross tracks [m], likewise.
-        cross_current_m_s: of the water, to starboard of the first course [m/s]; None draws it.
-        drift_force_N: mean of the slow side force, to starboard [N]; None draws it.
-    """
-
-    seas: list[SeaRange | None] | None
-    orders: NDArray[np.float64] | None
-    order_interval_s: float
-    initial_speed_m_s: float | None
-    resistance_rise: float | None
-    heading_orders: NDArray[np.float64] | None = None
-    track_orders: NDArray[np.float64] | None = None
-    cross_current_m_s: float | None = None
-    drift_force_N: float | None = None
-
-    @staticmethod
-    def of(
-        options: Mapping[str, Any] | None,
-        task: Task,
-        speeds: tuple[float, float],
-        steered: bool = False,
-    ) -> Begin:
-        """From the options of a reset, :data:`OPTIONS` and, steered, :data:`STEERED_OPTIONS`.
-
-        Args:
-            options: of the reset, or None.
-            task: decides what the options leave open.
-            speeds: lowest and highest at which the ship can begin [m/s].
-            steered: whether the rudder is an action.
-
-        Raises:
-            ValueError: an unknown option, or a value out of range.
-        """
-        given = dict(options or {})
-        known = (*OPTIONS, *(STEERED_OPTIONS if steered else ()))
-        unknown = sorted(set(given) - set(known))
-        if unknown:
-            raise ValueError(f"unknown option {unknown[0]!r}; known: {', '.join(known)}")
-        interval = _within(
-            "order_interval_s", given.get("order_interval_s", task.order_interval_s),
-            1e-3, math.inf, "s",
-        )  # fmt: skip
-
-        def one(name: str, low: float, high: float, unit: str) -> float | None:
-            return None if given.get(name) is None else _within(name, given[name], low, high, unit)
-
-        headings = _orders(given, "heading_order_deg", -360.0, 360.0, "deg")
-        force = one("drift_force_kN", -1e5, 1e5, "kN")
-        return Begin(
-            seas_of(given["sea"], task) if "sea" in given else None,
-            _orders(given, "speed_order_m_s", 0.0, 40.0, "m/s"),
-            interval,
-            one("initial_speed_m_s", *speeds, "m/s"),
-            one("resistance_rise", -0.9, 10.0, "-"),
-            None if headings is None else np.radians(headings),
-            _orders(given, "track_order_m", -1e5, 1e5, "m"),
-            one("cross_current_m_s", -5.0, 5.0, "m/s"),
-            None if force is None else 1e3 * force,
-        )
-
-
-def _orders(
-    given: Mapping[str, Any], name: str, low: float, high: float, unit: str
-) -> NDArray[np.float64] | None:
-    """Orders of an option, the last held to the end; None where it is not given."""
-    if name not in given:
-        return None
-    asked = np.atleast_1d(given[name])
-    if asked.ndim != 1 or not 1 <= len(asked) <= MAX_ORDERS:
-        raise ValueError(f"options: {name}: 1 to {MAX_ORDERS} orders are needed")
-    orders = np.empty(MAX_ORDERS)
-    orders[: len(asked)] = [_within(name, order, low, high, unit) for order in asked]
-    orders[len(asked) :] = orders[len(asked) - 1]
-    return orders
-
-
-def _within(name: str, value: Any, low: float, high: float, unit: str) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not low <= number <= high:
-        raise ValueError(f"options: {name} = {value!r}: must be {low:g} to {high:g} {unit}")
-    return number

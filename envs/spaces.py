@@ -56,7 +56,10 @@ def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
         ValueError: no numbers, numbers of another shape, or one that is not finite.
     """
     try:
-        array = np.array(action, dtype=np.float64)
+        array = np.array(action)
+        if np.iscomplexobj(array):
+            raise TypeError(array.dtype)
+        array = array.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"action {action!r}: must be finite numbers of shape {shape}") from None
     if array.shape != shape:
@@ -64,4 +67,5 @@ def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     if not np.isfinite(array).all():
         raise ValueError(f"action {array.tolist()} holds a value that is not finite")
     # clipped as double: 1e300 is finite, but single precision does not hold it
-    return np.minimum(np.maximum(array, -1.0, out=array), 1.0, out=array).astype(np.float32)
+    clipped: NDArray[np.float32] = np.clip(array, -1.0, 1.0).astype(np.float32)
+    return clipped

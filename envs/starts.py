@@ -24,8 +24,9 @@ from ..plant.state import Inputs, get_state, set_state
 from ..plant.stepping import Disturbance, prepare
 from ..plant.term_kernel import NO_SIGNALS
 from ..plant.waves import COMPONENTS, fill_sea
+from .options import Begin
 from .records import MAX_ORDERS
-from .settings import Begin, SeaRange
+from .settings import SeaRange
 
 LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 """Resistance over that of calm water at which steady states are worked out."""
@@ -210,8 +211,9 @@ def start_episodes(
             fill_uniform(draw.wave_seed, shares)
             fill_sea(sea, draw.sea[0], draw.sea[1], draw.sea[2], draw.sea[3], depth, shares)
         speed, factor = speeds[k], episode.resistance_mean
-        plain = resistance(plant, water_speed(plant, max(speed, tables.slowest)), 1.0)
-        load = factor + wave_resistance(plant, sea.head_sea) / plain
+        ahead = water_speed(plant, max(speed, tables.slowest))
+        added = wave_resistance(plant, sea.head_sea, ahead)
+        load = factor + added / resistance(plant, ahead, 1.0)
         lower = 0
         while lower < len(tables.loads) - 2 and load > tables.loads[lower + 1]:
             lower += 1

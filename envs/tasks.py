@@ -7,9 +7,9 @@ import tomllib
 from importlib import resources
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from ..core.models import FileModel
+from ..core.models import FileModel, explained
 from ..plant import Ship, load_ship
 from .rewards import Weights
 
@@ -25,6 +25,35 @@ Range = Annotated[tuple[_Number, _Number], AfterValidator(_rising)]
 """Lowest and highest value of what an episode draws."""
 
 
+LIMITS = {
+    "speed_order_m_s": (0.0, 40.0, "m/s"),
+    "resistance_rise": (-0.9, 10.0, "-"),
+    "heading_order_deg": (-360.0, 360.0, "deg"),
+    "track_order_m": (-1e5, 1e5, "m"),
+    "cross_current_m_s": (-5.0, 5.0, "m/s"),
+    "drift_force_kN": (-1e5, 1e5, "kN"),
+}
+"""Lowest and highest value, and unit, of what a task draws or ``reset(options=...)`` gives."""
+
+LEAST_RESISTANCE = 0.05
+"""Least share of the calm-water resistance that rise and swing may leave [-]."""
+
+
+def _within_limits(task: HeldOut | Task) -> None:
+    """Refuse ranges beyond :data:`LIMITS`, and a resistance that swings below what is left of it."""
+    for name, (low, high, unit) in LIMITS.items():
+        ends = getattr(task, name, None)
+        if ends is not None and not low <= ends[0] <= ends[1] <= high:
+            raise ValueError(f"{name} = {list(ends)}: must lie within {low:g} to {high:g} {unit}")
+    left = 1.0 + task.resistance_rise[0] - task.resistance_swing
+    if left < LEAST_RESISTANCE:
+        raise ValueError(
+            f"resistance_rise from {task.resistance_rise[0]:g} with a resistance_swing of "
+            f"{task.resistance_swing:g} leaves {left:.2g} of the resistance; at least "
+            f"{LEAST_RESISTANCE:g} must be left"
+        )
+
+
 TaskSea = str | dict[str, _Number | Range]
 """A sea of a task: a preset, or parameters, of which an episode draws each that is a range."""
 
@@ -37,6 +66,11 @@ class HeldOut(FileModel):
     resistance_swing: float = Field(ge=0, lt=1)
     cross_current_m_s: Range | None = None
     drift_force_kN: Range | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> HeldOut:
+        _within_limits(self)
+        return self
 
 
 class Task(FileModel):
@@ -64,6 +98,11 @@ class Task(FileModel):
     )
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
     held_out: HeldOut | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> Task:
+        _within_limits(self)
+        return self
 
     @property
     def presets(self) -> tuple[str, ...]:
@@ -117,7 +156,9 @@ def get_task(task: str | Task | dict[str, Any]) -> Task:
         try:
             return Task.model_validate(task)
         except ValidationError as error:
-            raise TaskError(f"task: {error}") from None
+            raise TaskError(f"task: {explained(error)}") from None
+    if not isinstance(task, str):
+        raise TaskError(f"task = {task!r}: must be a name, a Task, or a dictionary of its fields")
     name, _, part = task.partition(":")
     if name not in _all() or part not in ("", HELD_OUT):
         raise TaskError(

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
+
+import numpy as np
 
 from ..core.compiled import Real, Record, compiled
 from ..core.numeric import clip
 from .keys import INF, Section, effect, number
+from .validity import Validity
 
 
 class PitchActuator(Section):
     """Hydraulic pitch mechanism, first order."""
 
     needs = "has_variable_pitch"
+    validity: ClassVar[tuple[Validity, ...]] = (
+        Validity(
+            "pitch command", "-",
+            lambda plant, samples: np.where(
+                plant["pitch_ratio_min"] < plant["pitch_ratio_max"], samples["pitch_command"], np.nan
+            ),
+            lambda plant: (float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
+            "beyond it the pitch stays at its end stop",
+        ),
+    )  # fmt: skip
 
     time_constant_s: float = number(
         "tau_p", "s", record="pitch_time_constant", lag=True, ge=0.05, le=100, default=2.0

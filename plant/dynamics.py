@@ -7,6 +7,7 @@ linearisation can take exact derivatives by complex steps.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from ..core.compiled import Real, Record, compiled
@@ -134,7 +135,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     load_behind = load_torque(plant, propeller_torque, omega)
     drag = resistance(plant, speed, inputs.resistance_factor)
     if plant.wave_drag_length.real > 0.0:
-        drag = drag + wave_resistance(plant, inputs.head_sea)
+        drag = drag + wave_resistance(plant, inputs.head_sea, speed)
     thrust = load.thrust
     surge_force = side_force = yaw_moment = 0.0
     if plant.turns != 0:
@@ -284,8 +285,7 @@ def settled(plant: Record, state: State, inputs: Inputs) -> State:
     Each lag is linear in its own state and no lag acts on another's, so one Newton step finds them; the
     others take away what rounding leaves. Only a diesel's torque and what it waits for act on each
     other, and close in on where they rest. Ventilation and the state of a term are sought with all else
-    held, from the value given, in the direction in which they move. Where the rate has no root there,
-    they stay.
+    held, from the value given, first the way that they move. Where the rate has no root, they stay.
     """
     waits = plant.charge_lag.real > 0.0 or plant.warmth_lag.real > 0.0
     for _ in range(60 if waits else 3):
@@ -311,17 +311,25 @@ def _without_rates(plant: Record, state: State, inputs: Inputs, probe: State) ->
 
 @compiled
 def _to_rest(plant: Record, state: State, inputs: Inputs, direction: State) -> float:
-    """How far a state is from where its rate vanishes, by doubled steps and halved intervals."""
+    """Return how far a state is from where its rate vanishes; 0 where that is nowhere.
+
+    By doubled steps and halved intervals, first the way that the state moves, then the other way.
+    """
     rate, _ = evaluate(plant, state, inputs, state.pitch_ratio)
     begins = along(rate, direction)
     if begins == 0.0:
         return 0.0
-    near, far = 0.0, 1e-6 if begins > 0.0 else -1e-6
-    for _ in range(80):
-        rate, _ = evaluate(plant, moved(state, direction, far), inputs, state.pitch_ratio)
-        if along(rate, direction) * begins <= 0.0:
-            break
-        near, far = far, 2.0 * far
+    near = far = 0.0
+    for side in (1.0, -1.0):
+        near, far = 0.0, math.copysign(1e-6, side * begins)
+        for _ in range(80):
+            rate, _ = evaluate(plant, moved(state, direction, far), inputs, state.pitch_ratio)
+            if along(rate, direction) * begins <= 0.0:
+                break
+            near, far = far, 2.0 * far
+        else:
+            continue
+        break
     else:
         return 0.0
     for _ in range(60):

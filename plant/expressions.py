@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
@@ -40,8 +41,8 @@ FUNCTIONS = {
 }  # fmt: skip
 """Code and number of arguments; ``step`` is 1 above 0 and 0 elsewhere, ``sign`` 0 at 0.
 
-``table(x, x1, y1, x2, y2, ...)`` draws straight lines between two or more points, their x rising, and
-holds the outermost values outside them.
+``table(x, x1, y1, x2, y2, ...)`` draws straight lines between two or more points and holds the outermost
+values outside them. Their x are plain numbers that rise; their y may be any expressions.
 """
 
 _LARGEST = 1e300  # of a literal
@@ -134,6 +135,7 @@ def _walk(
                 raise TermError(
                     f"{source!r}: table takes a signal and two or more pairs x, y; not {count} values"
                 )
+            _check_rising(node.args[1::2], source)
         if len(node.args) != count:
             raise TermError(f"{source!r}: {node.func.id} takes {count}, not {len(node.args)}")
         depths = [
@@ -143,6 +145,28 @@ def _walk(
         operations.append((code, count - 1 if code == TABLE else 0))
         return max(depths)
     raise TermError(f"{source!r}: {ast.unparse(node)!r} cannot stand in an expression")
+
+
+def _check_rising(knots: Sequence[ast.expr], source: str) -> None:
+    """Refuse the x of a table's points that are no plain numbers or do not rise."""
+    values: list[float] = []
+    for knot in knots:
+        sign, digits = 1.0, knot
+        while isinstance(digits, ast.UnaryOp) and isinstance(digits.op, ast.USub | ast.UAdd):
+            sign = -sign if isinstance(digits.op, ast.USub) else sign
+            digits = digits.operand
+        if not isinstance(digits, ast.Constant) or type(digits.value) not in (int, float):
+            raise TermError(
+                f"{source!r}: {ast.unparse(knot)!r} is the x of a table's point; it must be a plain "
+                "number, so that the points stand in order whatever the parameters are"
+            )
+        assert isinstance(digits.value, int | float)  # for the type checker
+        values.append(sign * digits.value)
+    for before, after in itertools.pairwise(values):
+        if not before < after:
+            raise TermError(
+                f"{source!r}: the x of a table's points must rise, but {after:g} follows {before:g}"
+            )
 
 
 def deepest(program: Program) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..core.compiled import Real, Record, compiled
+from ..core.numeric import clip
 from .keys import INF, Section, effect, measure, number, require
 from .surroundings import GRAVITY
 
@@ -25,7 +26,7 @@ class Hull(Section):
     )
     mass_kg: float = number(
         "mass with added mass", "kg", record="mass", needs="moves", required="unless hull.fixed",
-        gt=0, le=1e9, default=1.0,
+        ge=0.01, le=1e9, default=1.0,
     )  # fmt: skip
     resistance_coefficient_N_s2_m2: float = number(
         "c1, where R = c1 v^2 (see resistance_exponent)", "N s2/m2",
@@ -138,18 +139,30 @@ def resistance(plant: Record, speed_through_water: Real, resistance_factor: Real
     return sign * factor * plant.resistance_coefficient * speed_through_water * speed_through_water
 
 
+WAVE_HEADWAY = 2.0
+"""Speed ahead [m/s] from which on waves add the resistance that speed trials correct for."""
+
+
 @compiled
-def wave_resistance(plant: Record, head_sea: Real) -> Real:
+def wave_resistance(plant: Record, head_sea: Real, speed_through_water: Real) -> Real:
     """Mean resistance [N] that waves from ahead add: STAWAVE-1, ISO 15016:2015, Annex D.
 
     R = rho g Hs^2 B sqrt(B / L_BWL) / 16, of the waves that the bow throws back. Meant for seas in which
-    the ship hardly heaves and pitches; beyond, what her motions add is left out.
+    the ship hardly heaves and pitches; beyond, what her motions add is left out. It is made for speed
+    trials, of a ship under way: below 2 m/s it fades by the cubic r^2 (3 - 2 r), and a ship without
+    headway has none (assumed). So waves stop no ship and drive none astern; the drift of a ship that
+    lies dead in the sea is not modelled.
 
     Args:
         plant: ship record.
         head_sea: Hs^2 of waves within 45 degrees of the bow [m2]; 0 of others.
+        speed_through_water: [m/s], positive ahead.
     """
-    return plant.density * GRAVITY * plant.wave_drag_length * head_sea
+    force = plant.density * GRAVITY * plant.wave_drag_length * head_sea
+    if speed_through_water.real >= WAVE_HEADWAY:
+        return force
+    r = clip(speed_through_water / WAVE_HEADWAY, 0.0, 1.0)
+    return force * r * r * (3.0 - 2.0 * r)
 
 
 @compiled

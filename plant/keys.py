@@ -7,7 +7,7 @@ is an effect that a ship may or may not have, and the name of its field in the k
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args, get_origin
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
@@ -250,7 +250,9 @@ def info_of(info: FieldInfo) -> KeyInfo:
 
 
 def allowed_range(info: FieldInfo) -> str:
-    """Allowed range of a number, in words."""
+    """Allowed range of a number, or the names that a key takes, in words."""
+    if get_origin(info.annotation) is Literal:
+        return ", ".join(map(str, get_args(info.annotation)))
     bounds = [
         f"{sign} {getattr(m, name):g}"
         for m in info.metadata

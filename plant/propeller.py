@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -46,6 +47,13 @@ from .ventilation import (
     suction_head,
     surface_factor,
 )
+
+PITCH_RANGES = {"b-series": (0.4, 1.6), "four-quadrant": (PITCH_NODES[0], PITCH_NODES[-1])}
+"""Lowest and highest P/D that a ship may have with a model.
+
+The series was tested from 0.5 to 1.4. Its polynomials are taken a little further. At a negative pitch
+they would give thrust ahead, and so would the four-quadrant curves, which are held outside their range.
+"""
 
 
 class Propeller(Section):
@@ -143,6 +151,14 @@ class Propeller(Section):
         require(self, ("diameter_m", *keys), f"with propeller.model = {self.model!r}")
         if self.pitch_ratio_min > self.pitch_ratio_max:
             raise ValueError("pitch_ratio_min must not exceed pitch_ratio_max")
+        low, high = PITCH_RANGES.get(self.model, (-math.inf, math.inf))
+        for name in ("pitch_ratio_min", "pitch_ratio_max"):
+            if not low <= (value := getattr(self, name)) <= high:
+                raise ValueError(
+                    f"{name} = {value:g} lies outside {low:g} to {high:g}, where the curves of "
+                    f"propeller.model = {self.model!r} hold. For blades that turn further, give "
+                    "measured curves with model 'table' ([propeller.open_water] with pitch_ratio)"
+                )
         if self.open_water is not None:
             tabled = self.open_water.pitch_ratio
             if not tabled and self.pitch_ratio_min < self.pitch_ratio_max:

@@ -173,11 +173,19 @@ class Schedule:
 
 
 def _sampled(value: Any, times: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    array = np.asarray(value(times) if callable(value) else value, dtype=np.float64)
+    try:
+        array = np.asarray(value(times) if callable(value) else value, dtype=np.float64)
+        array = np.broadcast_to(array, times.shape)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"{name}: must be a number, an array of shape {times.shape}, or a "
+            f"function that takes an array of times and gives as many values ({error}). In a function, "
+            "write np.where(t < 60.0, a, b) instead of 'a if t < 60.0 else b'"
+        ) from None
     if not np.all(np.isfinite(array)):
         raise ValueError(f"{name} holds a value that is not finite")
     # a copy of one's own: the kernel would be compiled anew for arrays that may not be written to
-    return np.array(np.broadcast_to(array, times.shape), order="C")
+    return np.array(array, order="C")
 
 
 def simulate(

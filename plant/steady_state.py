@@ -12,7 +12,7 @@ import scipy
 
 from .dynamics import evaluate, settled
 from .ship import Ship
-from .state import Inputs, Outputs, State
+from .state import TERM_STATES, Inputs, Outputs, State, along, moved
 
 
 class Equilibrium(NamedTuple):
@@ -45,7 +45,8 @@ def equilibrium(
     Raises:
         ShipError: a term hears a signal that is not given.
         ValueError: no steady state with a forward-turning shaft exists, for example because the
-            engine's torque does not overcome its friction.
+            engine's torque does not overcome its friction, or because the state of a term does not
+            come to rest.
     """
     plant = ship.record()
     inputs = Inputs(
@@ -86,11 +87,29 @@ def equilibrium(
             turns = float(found.x[0]) if ship.turns_freely else float(drive)
             state = complete(turns, float(found.x[1]) if moving else 0.0)
             _, outputs = evaluate(plant, state, inputs, blade)
+            _check_rest(ship, plant, state, inputs, blade)
             return Equilibrium(state, outputs, inputs)
     raise ValueError(
         f"{ship.name}: no steady state with the shaft turning ahead at drive {drive:g} and pitch "
         f"ratio {pitch_ratio:g}"
     )
+
+
+def _check_rest(ship: Ship, plant: Any, state: State, inputs: Inputs, blade: float) -> None:
+    """Refuse a state of a term whose rate neither vanishes nor changes its sign at the steady state."""
+    with_state = [term for term in ship.term if term.state is not None]
+    for term, direction in zip(with_state, TERM_STATES, strict=False):
+        here = along(state, direction)
+        rates = [
+            along(evaluate(plant, moved(state, direction, by), inputs, blade)[0], direction)
+            for by in (-1e-6 * max(1.0, abs(here)), 1e-6 * max(1.0, abs(here)))
+        ]
+        if rates[0] * rates[1] > 0.0:
+            raise ValueError(
+                f"{ship.name}: no steady state: at a shaft speed of {state.shaft_speed:.4g} rad/s and a "
+                f"ship speed of {state.ship_speed:.4g} m/s the state {term.state} of term {term.id!r} "
+                f"does not come to rest; at {here:.4g} it changes by {max(rates, key=abs):.4g} a second"
+            )
 
 
 def _starts(ship: Ship, drive: float) -> list[list[float]]:

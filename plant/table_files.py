@@ -27,10 +27,19 @@ from . import sheet_process
 _READ_BYTES = 100_000
 _SEPARATORS = ("\t", ";", "|", ",")  # a comma last: it may be the decimal sign of the others
 _CONSTANT = 0.9  # share of the lines that must have as many fields
+_WIDE = 0.9  # share of zero bytes at a place of each letter, from which a text is of wide letters
 _HEAD_ROWS = 100  # of a spreadsheet, in which its names are looked for
 _LONGEST_S = 120  # for reading a spreadsheet
 _LARGEST_UNPACKED = 400e6  # of a spreadsheet [bytes]
 _SHORT = 16  # letters of a unit at most
+_NO_TEXT = {
+    b"\x1f\x8b": "it is compressed (gzip); unpack it first",
+    b"PK\x03\x04": "it is a zip archive or a spreadsheet; unpack it, or give it its own ending (.xlsx)",
+    b"MATLAB 5.0": "it is a MATLAB file; save the table as CSV (writetable)",
+    b"\x89HDF": "it is an HDF5 or a MATLAB file; save the table as CSV or Parquet",
+    b"PAR1": "it is a Parquet file; give it the ending .parquet",
+}
+"""First bytes of files that are often taken for a text, and what to do."""
 _NAMES = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 
 
@@ -76,18 +85,40 @@ class Layout:
 
 def _encoding(head: bytes) -> str:
     for mark, name in (
+        (b"\xff\xfe\x00\x00", "utf-32"),
+        (b"\x00\x00\xfe\xff", "utf-32"),
         (b"\xff\xfe", "utf-16"),
         (b"\xfe\xff", "utf-16"),
         (b"\xef\xbb\xbf", "utf-8-sig"),
     ):
         if head.startswith(mark):
             return name
+    if b"\x00" in head:
+        return _wide_encoding(head)
     try:
         head.decode("utf-8")
     except UnicodeDecodeError as error:
         if error.start < len(head) - 4:  # not merely cut off within a letter
             return "cp1252"
     return "utf-8"
+
+
+def _wide_encoding(head: bytes) -> str:
+    """Encoding of a text with two or four bytes a letter and no mark at its begin.
+
+    In such a text of mostly Latin letters the zero bytes stand at the same places of every letter.
+
+    Raises:
+        LayoutError: it is none.
+    """
+    zero = [1.0 - sum(map(bool, head[k::4])) / max(len(head[k::4]), 1) for k in range(4)]
+    for name, places in (
+        ("utf-32-be", (0, 1, 2)), ("utf-32-le", (1, 2, 3)), ("utf-16-be", (0, 2)), ("utf-16-le", (1, 3))
+    ):  # fmt: skip
+        letters = [zero[k] for k in range(4) if k not in places]
+        if min(zero[k] for k in places) > _WIDE and max(letters) == 0.0:
+            return name
+    raise LayoutError("it holds bytes that are no text")
 
 
 def _is_number(cell: str, decimal: str) -> bool:
@@ -101,8 +132,12 @@ def _is_number(cell: str, decimal: str) -> bool:
     return True
 
 
-def guessed(path: Path) -> Layout:
+def guessed(path: Path, encoding: str | None = None) -> Layout:
     """The layout of a text file, from its first lines.
+
+    Args:
+        path: of the file.
+        encoding: of its text, where that is known.
 
     Raises:
         LayoutError: nothing in it looks like a table with names.
@@ -110,9 +145,10 @@ def guessed(path: Path) -> Layout:
     with path.open("rb") as file:
         head = file.read(_READ_BYTES)
     whole = len(head) < _READ_BYTES
-    if b"\x00" in head and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise LayoutError("it holds bytes that are no text")
-    encoding = _encoding(head)
+    for mark, what in _NO_TEXT.items():
+        if head.startswith(mark):
+            raise LayoutError(what)
+    encoding = encoding or _encoding(head)
     lines = head.decode(encoding, errors="ignore").splitlines()[: None if whole else -1]
     if not any(line.strip() for line in lines):
         raise LayoutError(
@@ -176,7 +212,8 @@ def read_text_table(path: Path, given: dict[str, Any] | None = None) -> pd.DataF
         LayoutError: no table, or a name that stands twice.
         ValueError: of pandas, which cannot read it.
     """
-    layout = replace(guessed(path), **(given or {}))
+    given = given or {}
+    layout = replace(guessed(path, given.get("encoding")), **given)
 
     def read(**options: Any) -> pd.DataFrame:
         table: pd.DataFrame = pd.read_csv(

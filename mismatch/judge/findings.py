@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,7 @@ from ..search.effect import Effect
 from ..search.fitting import Fit, Fitter
 from ..search.placed import Placed, Window
 from ..search.selection import Candidate, Selection
+from ..search.trial_ship import TrialShip
 from ..simulate.balances import Balances
 from .location import active_windows, regime
 from .shapes import signals_of
@@ -21,6 +23,9 @@ from .shapes import signals_of
 FORM_SHARE = 0.15
 """Share of its size that an effect's interval has on either side whatever the noise: a catalogue's form
 is never quite the truth's. Where concealed effects had other forms, one value in ten was off by more."""
+
+_AT_BOUND = 1e-6
+"""Share of a bound within which a value counts as the bound."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +42,8 @@ class Finding:
         row: index of that balance.
         windows: in which it acts [s].
         regime: in words; empty where it acts everywhere.
-        unmeasured: what its balance lacks to be measured, so that its size is a guess and has no
-            interval; empty where nothing is lacking.
+        unmeasured: what its balance lacks to be measured, or which parameter ended at the bound of its
+            search, so that its size is a guess and has no interval; else empty.
     """
 
     effect: Effect
@@ -82,6 +87,21 @@ def unmeasured(effect: Effect, balances: Balances) -> str:
     one_shaft = replay.ship.has_line_shaft and replay.ship.turns_freely
     if effect.balance in ("engine", "propeller") and one_shaft and not balances.gauged:
         return "without a torque gauge the engine's and the propeller's side are one balance"
+    return ""
+
+
+def at_bound(trial_ship: TrialShip, placed: Placed) -> str:
+    """Which parameter of an effect ended at a bound of its search, in words; empty where none did.
+
+    Such a value is where the search stopped, not an estimate. The value at which the effect is absent
+    may itself be a bound, and is not counted.
+    """
+    for parameter, value in placed.pairs:
+        absent = trial_ship.origin(parameter)
+        for bound in trial_ship.range_of(parameter):
+            if bound != absent and math.isclose(value, bound, rel_tol=_AT_BOUND):
+                name = parameter.key.split(".")[-1]
+                return f"{name} ended at the bound of its search, {bound:.4g}"
     return ""
 
 
@@ -132,7 +152,7 @@ def findings_of(
         found.append(
             Finding(placed.effect, estimates[i], selection.gains[i], selection.thresholds[i],
                     selection.rivals[i], traces[row], row, windows, where,
-                    unmeasured(placed.effect, balances))
+                    unmeasured(placed.effect, balances) or at_bound(fitter.trial_ship, placed))
         )  # fmt: skip
     return found
 

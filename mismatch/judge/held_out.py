@@ -7,12 +7,15 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...plant.columns import IN_A_TURN, SHAFT_ANGLE
 from ..search.fitting import Fit, Fitter
 from ..search.spectra import Bands, Complex, Likelihood, make_bands, runs_away
 from ..simulate.balances import Balances, Channels
 from ..simulate.joint_replay import JointReplay
 from ..simulate.tolerances import tolerance_moves
+from .whiteness import SLOWER_THAN_SEA_HZ
 
 HELD_OUT_SHARE = 0.25
 
@@ -22,6 +25,9 @@ what a model is worth on another day."""
 
 MOST_WAYS = 3
 """Ways to set whole recordings aside."""
+
+LOST = 0.25
+"""Share of a channel's size by which a model may be off on data set aside."""
 
 Segments = list[tuple[int, int]]
 """First row of each stretch, and one past its last."""
@@ -137,6 +143,30 @@ class HeldOut:
         windows = [placed.window for placed in fit.effects if placed.window is not None]
         return all(bool(np.any((time_s > a) & (time_s < b))) for a, b in windows)
 
+    def lost(self, fit: Fit) -> list[str]:
+        """Channels that the ship with a model's effects loses when it is simulated freely here.
+
+        Averaged over the waves, which no simulation follows, their FitPercent is negative and the error
+        is more than :data:`LOST` of their size. What adds up errors, an angle or a heading, and the
+        speeds across and of the turn, which swing about zero, are not judged.
+        """
+        replay = self.fitter.balances.replay
+        simulated = replay.channels_of(self.fitter.trial_ship.record(fit.effects))
+        width = max(1, round(1.0 / (SLOWER_THAN_SEA_HZ * replay.interval_s)))
+        found = []
+        for column, measured in replay.recorded.items():
+            if column == SHAFT_ANGLE or column in IN_A_TURN:
+                continue
+            means, error = (
+                _means(values[self.rows], width)
+                for values in (measured, measured - simulated[column])
+            )
+            size = float(np.sqrt(np.mean(np.square(measured[self.rows]))))
+            off = float(np.sqrt(np.mean(np.square(error))))
+            if not off <= max(LOST * size, float(np.std(means))):
+                found.append(column)
+        return found
+
     @functools.cached_property
     def _nuisance(self) -> Complex:
         """What each of the fitter's regressors moves here."""
@@ -148,8 +178,11 @@ class HeldOut:
 
         A value that the fitted part hardly tells may come out otherwise here without speaking against
         the model: it is free about its own, with the covariance that the fit gives it, and pays for it.
+        Minus infinity where its simulation runs away or loses a channel.
         """
         fitter = self.fitter
+        if fit.effects and self.lost(fit):
+            return -math.inf
         there, columns = fitter.sensitivities(fit, self._transformed)
         if runs_away(there):
             return -math.inf
@@ -163,3 +196,11 @@ class HeldOut:
         lacking = self._measured - there
         lacking = lacking - np.einsum("k,kmf->mf", fit.tolerances, self._nuisance)
         return Likelihood(self._bands, moved)(lacking).score
+
+
+def _means(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """Means of so many rows each; the values themselves where they are fewer than two such blocks."""
+    count = len(values) // width
+    if count < 2:
+        return values
+    return np.asarray(values[: count * width].reshape(count, width).mean(axis=1))

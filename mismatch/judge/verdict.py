@@ -11,6 +11,7 @@ import numpy as np
 
 from ..search.fitting import Fit
 from ..search.selection import TELL_APART, Selection
+from .findings import at_bound
 from .whiteness import Colour, Whiteness
 
 EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
@@ -75,7 +76,8 @@ def verdict_of(
     Args:
         selection: what was chosen, confirmed.
         whiteness: of the residuals.
-        gain: of the chosen effects in 2 log L, on the data set aside.
+        gain: of the chosen effects in 2 log L, on the data set aside; minus infinity where the ship with
+            them loses a channel there.
         excited: whether the demands move enough to tell effects apart.
         sure: whether each effect holds for itself, whatever else is left.
     """
@@ -86,9 +88,11 @@ def verdict_of(
     undecided = bool(fit.effects) and not excited and several
     holds = bool(fit.effects) and gain >= -TELL_APART and not undecided
     whole = left_over is None or explained >= EXPLAINED_SHARE
-    if holds and whole:
+    # a value at the bound of its search says that the truth lies elsewhere
+    bounded = any(at_bound(whiteness.fitter.trial_ship, placed) for placed in fit.effects)
+    if holds and whole and not bounded:
         name = EXPLAINED
-    elif holds and sure:
+    elif holds and (sure or whole):
         name = PARTLY
     else:
         # what was named does not hold, or nothing was: is there more than noise at all?

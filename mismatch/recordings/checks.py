@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,29 @@ TOO_SHORT = "too short"
 _FEWEST_ROWS = 200
 _WRAPPED = 2.05 * math.pi  # rad; an angle that stays inside it and jumps has lost its turns
 _TIME_CONSTANTS = 3.0
+_FAST_S = 0.04  # interval below which a ship's logger is rare
 _DULL_DEMAND = 0.05  # share of its range over which a demand must move
 _DULL_SIGNAL = 3.0  # multiple of its noise over which a measurement must move
 _SLACK, _ODD_SHARE = 0.005, 0.01  # of a pitch order beyond its limits; share of the rows
 _FOLLOWS = 0.5  # share of the other order's misfit below which a pitch leads, not lags
+
+
+def refuse_complex(path: Path, table: pd.DataFrame, columns: Iterable[str]) -> None:
+    """Refuse complex values in columns that are understood: no instrument measures them.
+
+    Raises:
+        RecordingError: names the first such column.
+    """
+    for column in (c for c in columns if c in table):
+        values = table[column]
+        found = pd.api.types.is_complex_dtype(values)
+        if values.dtype == object:
+            found = any(isinstance(value, complex | np.complexfloating) for value in values)
+        if found:
+            raise RecordingError(
+                f"{path}: {column} holds complex numbers where real ones are needed; give its real "
+                "part or its magnitude"
+            )
 
 
 def refuse_wrapped(path: Path, table: pd.DataFrame) -> None:
@@ -60,9 +79,16 @@ def too_short(tables: Sequence[pd.DataFrame], interval: float, ship: Ship) -> li
         if interval * rows < _TIME_CONSTANTS * hull:
             said.append(
                 f"{TOO_SHORT}: {interval * rows:.4g} s, where the hull's time constant is "
-                f"{hull:.3g} s; its balance needs {_TIME_CONSTANTS * hull:.3g} s"
+                f"{hull:.3g} s; its balance needs {_TIME_CONSTANTS * hull:.3g} s{_if_minutes(interval)}"
             )
     return said
+
+
+def _if_minutes(interval: float) -> str:
+    """A hint where the rows come so fast that the time may be in minutes."""
+    if interval >= _FAST_S:
+        return ""
+    return '; if time_s counts minutes, say unit = "min" in the column map'
 
 
 def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[str]:

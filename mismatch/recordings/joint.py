@@ -110,8 +110,15 @@ def refuse_twice(
         why: it must not, as the end of the message.
 
     Raises:
+        TypeError: neither a file nor a table.
         ValueError: names it.
     """
+    for source in (*sources, *others):
+        if not isinstance(source, str | Path | Recording | pd.DataFrame):
+            raise TypeError(
+                f"a recording is the path of a file, a pandas.DataFrame or a Recording, not "
+                f"{type(source).__name__}"
+            )
     known: set[object] = {_identity(source) for source in others}
     for source in sources:
         own = _identity(source)

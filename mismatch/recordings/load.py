@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,14 +31,15 @@ from .checks import (
     at_rest,
     dull,
     pitch_swapped,
+    refuse_complex,
     refuse_wrapped,
     too_short,
 )
 from .columns import load_map
-from .noise import Noise, describe
+from .noise import Noise, describe, describe_command
 from .slips import demands, impossible_demands, ranges_of
 from .spikes import without_spikes
-from .time_base import filled, on_even_time, spread
+from .time_base import filled, on_even_time, spread, with_seconds
 from .yardstick import Yardstick
 
 OUTSIDE = {
@@ -128,12 +130,14 @@ def load_recording(
         no error; its ``limits`` say so.
 
     Raises:
+        TypeError: an argument of another type; names it and says what is expected.
         RecordingError: naming file, column, row (from 1 below the header), unit and what is
             allowed. Unreadable; a column missing; values out of bounds, no numbers, or more than
             three missing in a row; time that does not rise, or with a gap of more than three
             samples; an angle that begins anew with every turn; a channel that is dead, in another unit,
             of the other sign or under another's name.
     """
+    _refuse_other_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
     raw, mapped = read_mapped(source, ship, columns, name)
     layout = raw.attrs.get("layout")
@@ -144,6 +148,9 @@ def load_recording(
         raw = raw.assign(**{name: raw[column] for name, column in told.items()})
     heard = {n: u for n, u in {**signals, **ship.signals, **mapped}.items() if n in raw}
     turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
+    refuse_complex(path, raw, heard)
+    raw, read = with_seconds(path, raw)
+    warnings += read
     required = list(dict.fromkeys([*input_columns(ship), turning, *ship.hears]))
     foreign = foreign_columns(ship)
     known = [*(c for c in COLUMNS if c in raw and c not in foreign), *sorted(heard)]
@@ -161,12 +168,26 @@ def load_recording(
     interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
     _refuse_slips(path, table, interval, ship)
     check_bounds(path, table)
+    commands = demands(ship, table)
     noise = {
-        c: describe(table[c].to_numpy(), interval) for c in table if c != TIME and c not in heard
+        c: (describe_command if c in commands else describe)(table[c].to_numpy(), interval)
+        for c in table
+        if c != TIME and c not in heard
     }
     warnings += at_rest(table, ship, noise)
     limits = (*too_short([table], interval, ship), *dull(table, ship, noise))
     return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard)
+
+
+def _refuse_other_types(source: object, ship: object, columns: object) -> None:
+    """Raise a TypeError that says what is expected where an argument is of another type."""
+    for name, given, types, expected in (
+        ("source", source, (str, os.PathLike, pd.DataFrame), "the path of a file or a pandas.DataFrame"),
+        ("ship", ship, Ship, 'a Ship, such as load_ship("frigate") returns'),
+        ("columns", columns, (str, os.PathLike, type(None)), "the path of a column map, or None"),
+    ):  # fmt: skip
+        if not isinstance(given, types):  # type: ignore[arg-type]
+            raise TypeError(f"{name} must be {expected}, not {type(given).__name__}")
 
 
 def read_mapped(
@@ -190,11 +211,15 @@ def read_mapped(
     given = None if columns is None else load_map(columns)
     if isinstance(source, pd.DataFrame):
         path, raw = Path(name), source
+        if not raw.columns.is_unique:
+            twice = raw.columns[raw.columns.duplicated()][0]
+            raise RecordingError(f"{path}: column {twice!r} stands twice")
         if given is not None and not set(given.sources) & set(raw):
             given = None
     else:
         path = Path(source)
         raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
+    refuse_complex(path, raw, [*COLUMNS, *ship.signals, *({} if given is None else given.sources)])
     if given is None:
         return raw, {}
     units = {source.signal: source.unit_in_expressions for source in given.signals.values()}
@@ -221,6 +246,8 @@ def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) 
     slips = impossible or list(yardstick.slips())
     if slips:
         raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in slips))
+    if yardstick.diverges:
+        raise RecordingError(f"{path}: this ship cannot be driven by it: {yardstick.diverges}")
 
 
 def fetch(

@@ -54,11 +54,31 @@ def describe(values: NDArray[Any], interval_s: float) -> Noise:
     Raises:
         ValueError: the values are not one finite row.
     """
-    values = np.asarray(values, dtype=float)
-    if values.ndim != 1 or not np.isfinite(values).all():
-        raise ValueError("noise can be told of one row of finite values only")
+    values = _checked(values)
     held = _held(values)
     return Noise(white_rms(values[::held]), quantisation(values), held * interval_s)
+
+
+def describe_command(values: NDArray[Any], interval_s: float) -> Noise:
+    """Describe the noise of a command, whose steps are no noise and whose rests are no slow instrument.
+
+    Args:
+        values: (n,) samples, evenly spaced and finite.
+        interval_s: spacing [s].
+
+    Raises:
+        ValueError: the values are not one finite row.
+    """
+    values = _checked(values)
+    rests = float(np.mean(np.diff(values) == 0.0)) > 0.5 if len(values) > 1 else True
+    return Noise(0.0 if rests else white_rms(values), quantisation(values), interval_s)
+
+
+def _checked(values: NDArray[Any]) -> NDArray[np.float64]:
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim != 1 or not np.isfinite(values).all():
+        raise ValueError("the noise of a channel is described from one row of finite values")
+    return values
 
 
 def white_rms(values: NDArray[Any]) -> float:

@@ -41,6 +41,19 @@ def _unit(name: str, factor: float) -> Slip:
     return Slip(f"{name} (a factor {max(factor, 1.0 / factor):.4g})", factor, f'unit = "{name}"')
 
 
+def by_a_factor(factor: float, unit: str) -> Slip:
+    """Return the slip of a channel whose values are a number of times too small or too large.
+
+    Args:
+        factor: by which the values must be multiplied; its power of ten is named.
+        unit: of the channel.
+    """
+    power = 10.0 ** round(math.log10(factor))
+    size = "small" if power > 1.0 else "large"
+    looks = f"values that are {max(power, 1.0 / power):g} times too {size} for {unit}"
+    return Slip(looks, power, f"their unit, or else scale = {power:g},")
+
+
 def slips_of(column: str, ship: Ship) -> list[Slip]:
     """Other units that a channel is likely to come in, each with either sign."""
     gear = ship.transmission.gear_ratio
@@ -48,14 +61,15 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
         "rad/s": [_unit("rpm", _RPM), _unit("rps", 2.0 * math.pi)],
         "rad/s of a turn": [_unit("deg/s", math.pi / 180.0), _unit("deg/min", math.pi / 10800.0)],
         "rad": [_unit("deg", math.pi / 180.0), _unit("turn", 2.0 * math.pi)],
-        "N m": [_unit("kN m", 1e3)],
+        "N m": [_unit("kN m", 1e3), _unit("MN m", 1e6), _unit("tf m", 9806.65),
+                _unit("kgf m", 9.80665)],
         "m/s": [_unit("knot", 1852.0 / 3600.0), _unit("km/h", 1.0 / 3.6)],
-        "N": [_unit("kN", 1e3), _unit("tf", 9806.65)],
+        "N": [_unit("kN", 1e3), _unit("MN", 1e6), _unit("tf", 9806.65), _unit("kgf", 9.80665)],
         "V": [_unit("mV", 1e-3), _unit("kV", 1e3)],
         "A": [_unit("mA", 1e-3)],
         "mm": [_unit("m", 1e3), _unit("cm", 10.0)],
         "-": [Slip("a blade angle in degrees", 0.04, 'unit = "deg"')],
-    }
+    }  # fmt: skip
     unit = BOUNDS[column][2]
     found = list(by_unit.get(f"{unit} of a turn" if column == YAW_RATE else unit, []))
     if column in (ranges := ranges_of(ship)):

@@ -183,4 +183,6 @@ def _entry(
 
 
 def _short(value: float) -> str:
-    return "–" if np.isnan(value) else f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+    return (
+        "–" if np.isnan(value) else f"{value:.0f}" if 1e4 <= abs(value) < 1e15 else f"{value:.4g}"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import re
 import warnings
 from pathlib import Path
@@ -25,6 +26,7 @@ _REGULAR = 0.9  # share of a coarse clock's stamps that stand over as many rows,
 _SPARSE = 0.95  # share of a slow channel's values that come at the same spacing
 _CLOCK = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*")
 _DOTTED = re.compile(r"\s*\d{1,2}\.\d{1,2}\.\d{2,4}\b")
+_STAMP = re.compile(r"\d:\d\d|\d{4}-\d\d?-\d|\d\d?[./]\d\d?[./]\d")
 _COMMA_SECONDS = re.compile(r"(:\d{2}),(\d)")
 
 
@@ -49,6 +51,32 @@ def seconds_of_stamps(values: pd.Series, form: str | None = None) -> pd.Series:
         texts = texts.str.replace(_COMMA_SECONDS, r"\1.\2", regex=True)
     stamps = _moments(texts, form)
     return (stamps - stamps.iloc[0]).dt.total_seconds()
+
+
+def with_seconds(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The table with dates or durations in its time column as seconds, and a remark on it.
+
+    Args:
+        path: for messages.
+        table: under canonical names.
+
+    Raises:
+        RecordingError: the time column holds texts of dates or of times of day.
+    """
+    if TIME not in table or not len(table):
+        return table, []
+    values, first = table[TIME], table[TIME].iloc[0]
+    if pd.api.types.is_timedelta64_dtype(values):
+        return table.assign(**{TIME: values.dt.total_seconds()}), []
+    if pd.api.types.is_datetime64_any_dtype(values):
+        said = f"{TIME} holds dates; it was read as seconds since {first}"
+        return table.assign(**{TIME: seconds_of_stamps(values)}), [said]
+    if isinstance(first, datetime.date) or (isinstance(first, str) and _STAMP.search(first)):
+        raise RecordingError(
+            f"{path}: {TIME} holds dates or times of day ({str(first)!r}) where seconds are needed; "
+            f'say {TIME} = {{ column = "{TIME}", unit = "datetime" }} in the column map'
+        )
+    return table, []
 
 
 def first_day(values: pd.Series, form: str | None = None) -> str | None:
@@ -180,7 +208,12 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
         row = int(np.argmax(steps <= 0.0)) + 2
         raise RecordingError(
             f"{path}: {TIME}, row {row}: {time[row - 1]:g} s after {time[row - 2]:g} s; time must "
-            "rise from row to row"
+            "rise from row to row; sort the rows by it, or cut the recording there"
+        )
+    if time[0] < 0.0:
+        raise RecordingError(
+            f"{path}: {TIME} begins at {time[0]:g} s, and no time may be negative; subtract the first "
+            f"value, or say offset = {-time[0]:g} in the column map"
         )
     usual = float(np.median(steps))
     if not _FASTEST_S * (1.0 - _EVEN) <= usual <= _SLOWEST_S:

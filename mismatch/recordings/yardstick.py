@@ -27,6 +27,7 @@ from ...plant.validity import ValidityWarning
 from .noise import describe, frozen
 from .slips import (
     Slip,
+    by_a_factor,
     demands,
     impossible_demands,
     looks_like,
@@ -46,11 +47,18 @@ _STRANGE = 2  # channels that far apart
 _LEVELS = (SHAFT_SPEED, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N")
 _STOPPED = 0.1  # share of the rows over which a noisy channel may rest; less is warned of
 _MUST = 0.05  # share of a channel's size by which the ship moves it where a rest is no calm
+_MAGNITUDES = 30.0  # factor from which a channel that follows the ship is in another unit
 _RETOLD = 2.0  # |ln factor| from which no effect looks like a demand in another unit
 
 
 class Yardstick:
-    """The nominal ship, driven by a recording's demands, beside what was recorded."""
+    """The nominal ship, driven by a recording's demands, beside what was recorded.
+
+    Attributes:
+        sailed: its simulation; None where it cannot be simulated.
+        diverges: why, where its simulation diverges; else empty.
+        off: relative rms difference of each measured channel; empty without a simulation.
+    """
 
     def __init__(self, ship: Ship, table: pd.DataFrame, interval_s: float) -> None:
         per_row = max(1, math.ceil(interval_s / ship.time_step_s - 1e-9))
@@ -60,7 +68,9 @@ class Yardstick:
         # a start beyond these is no state of this ship: it then starts from a steady one
         self._reach = {"pitch_ratio": 2.6, "ship_speed_m_s": 40.0, SHAFT_SPEED: top_speed(ship)}
         self.table = table.iloc[: max(2, _STEPS // per_row)]
+        self._diverged = ""
         self.sailed = self._sail(self.table)
+        self.diverges = self._diverged if self.sailed is None else ""
         self.off = self._differences(self.table, self.sailed)
 
     def _sail(self, table: pd.DataFrame) -> pd.DataFrame | None:
@@ -89,12 +99,16 @@ class Yardstick:
             with (
                 np.errstate(all="ignore"),
                 warnings.catch_warnings(),
-                suppress(RecordingError, DivergenceError),
+                suppress(RecordingError),
             ):
                 warnings.simplefilter(
                     "ignore", ValidityWarning
                 )  # of a trial, not of the user's run
-                sailed = simulate_recording(self.ship, candidate)
+                try:
+                    sailed = simulate_recording(self.ship, candidate)
+                except DivergenceError as error:
+                    self._diverged = str(error)
+                    continue
                 if np.isfinite(sailed.to_numpy()).all():
                     return sailed
         return None
@@ -116,7 +130,8 @@ class Yardstick:
                 measured, expected = np.diff(measured), np.diff(expected)
             size = float(np.sqrt(np.mean(expected**2)))
             if size > 0.0:
-                found[c] = float(np.sqrt(np.mean((measured - expected) ** 2))) / size
+                with np.errstate(over="ignore"):  # values far beyond any bound
+                    found[c] = float(np.sqrt(np.mean((measured - expected) ** 2))) / size
         return found
 
     def with_columns(self, columns: Mapping[str, Any]) -> dict[str, float]:
@@ -200,10 +215,26 @@ class Yardstick:
                 yield self._sentence(self._drive, found)
                 return
         for column, off in self.off.items():
-            if off > _HONEST and (
-                found := self._explaining(column, column, slips_of(column, self.ship))
-            ):
+            if off <= _HONEST:
+                continue
+            found = self._explaining(column, column, slips_of(column, self.ship))
+            if found := found or self._magnitudes_apart(column):
                 yield self._sentence(column, found)
+
+    def _magnitudes_apart(self, column: str) -> list[Slip]:
+        """The factor by which a channel has the ship's course at another order of magnitude."""
+        if self.sailed is None or column in demands(self.ship, self.table):
+            return []
+        measured, expected = self.table[column].to_numpy(), self.sailed[column].to_numpy()
+        size, unit = float(np.abs(measured).max()), BOUNDS[column][2]
+        if not size > 0.0:
+            return []
+        share = measured / size  # squares of values far beyond any bound overflow
+        factor = float(share @ expected / (share @ share)) / size
+        if not factor > 0.0 or abs(math.log(factor)) < math.log(_MAGNITUDES):
+            return []
+        left = np.sqrt(np.mean((factor * measured - expected) ** 2) / np.mean(expected**2))
+        return [by_a_factor(factor, unit)] if left < _HONEST else []
 
     def _explaining(self, column: str, judged: str, slips: list[Slip]) -> list[Slip]:
         """Slips of a column that bring the judged one near to the ship; the nearest two."""

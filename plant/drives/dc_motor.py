@@ -13,7 +13,8 @@ from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip
 from ..keys import INF, effect, number
 from ..signals import Signal
-from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
+from ..validity import Validity
+from .prime_mover import PrimeMover, end_stops, fill_two_way, torque_offset, with_offset
 
 
 class DcMotor(PrimeMover):
@@ -27,6 +28,7 @@ class DcMotor(PrimeMover):
         "motor_voltage_demand", "U", "V", -1e5, 1e5, "demand", "motor_voltage_V",
         "voltage demanded of the motor's supply",
     )  # fmt: skip
+    validity: ClassVar[tuple[Validity, ...]] = (end_stops("motor voltage command", "V"),)
     steady_keys: ClassVar[tuple[str, ...]] = (  # in the order of Vrijdag & Martelli 2021, eq. 23
         "transmission.coulomb_friction_engine_side_N_m",
         "prime_mover.motor_constant_V_s_rad",

@@ -23,7 +23,7 @@ from ..keys import INF, effect, measure, number, require
 from ..signals import Signal
 from ..validity import Validity
 from .low_speed import FULL_FIRING_SHARE, low_speed_torque
-from .prime_mover import PrimeMover
+from .prime_mover import PrimeMover, end_stops
 
 
 def _coefficient(term: str, neutral: float, *, record: str) -> Any:
@@ -55,6 +55,7 @@ class Diesel(PrimeMover):
         ("rated_power", np.float64),
     )
     validity: ClassVar[tuple[Validity, ...]] = (
+        end_stops("fuel rack command", "mm"),
         Validity(
             "engine speed", "rad/s",
             lambda plant, samples: plant["gear_ratio"] * samples["shaft_speed"],

@@ -7,7 +7,8 @@ The brake torque is the sum of two parts, and both vanish at standstill:
 - Friction. M_0 is the map at no fuel, a constant and a part linear in speed: the form of measured
   friction mean effective pressures (Chen & Flynn 1965; Heywood 2018, chapter 13). It opposes the
   rotation in either direction: d is the odd cubic (3 r - r^3) / 2 of r = omega_e / (0.1 idle speed), and
-  1 from r = 1 on.
+  1 from r = 1 on. Where friction of this slope would stop the shaft within a time step, the range of
+  speeds is made wider, as with Coulomb friction (:func:`sticking_speed`).
 - Fuel. M is the torque of map, limits and lag, and M - M_0 the fuel's part of it. At low speed the
   compression does not ignite the fuel: h is the cubic r^2 (3 - 2 r), which rises from 0 at 0.4 idle
   speed, the firing speed, to 1 at 0.8 idle speed. From there on the map acts alone. An engine that
@@ -25,6 +26,7 @@ from __future__ import annotations
 
 from ...core.compiled import Real, Record, compiled
 from ...core.numeric import clip, modulus
+from ..shaft import shaft_inertia
 
 STICKING_SHARE = 0.1
 """Share of the idle speed within which friction falls to zero at standstill."""
@@ -37,6 +39,26 @@ FULL_FIRING_SHARE = 0.8
 
 
 @compiled
+def sticking_speed(plant: Record, at_rest: Real) -> Real:
+    """Return the engine speed [rad/s] within which friction falls to zero at standstill.
+
+    The slope of the cubic at standstill is 1.5 |M_0| over this speed. Where friction of this slope would
+    stop the shaft within a time step, the integration would chatter about standstill; there the speed is
+    raised to 1.5 |M_0| i^2 eta dt / I.
+
+    Args:
+        plant: ship record.
+        at_rest: M_0, the torque of the engine without fuel at standstill [N m], not above 0.
+    """
+    speed = STICKING_SHARE * plant.engine_speed_min
+    if plant.speed_held != 0:
+        return speed
+    slope = 1.5 * at_rest * plant.gear_ratio * plant.gear_ratio * plant.transmission_efficiency
+    least = -slope * plant.time_step / shaft_inertia(plant)
+    return least if least.real > speed.real else speed
+
+
+@compiled
 def friction_torque(plant: Record, engine_speed: Real, no_fuel: Real) -> Real:
     """Return the torque [N m] of an engine without fuel below idle speed; it opposes the rotation.
 
@@ -45,7 +67,7 @@ def friction_torque(plant: Record, engine_speed: Real, no_fuel: Real) -> Real:
         engine_speed: omega_e [rad/s], either sign.
         no_fuel: torque M_0 of the rack map at no fuel and the same speed ahead [N m], not above 0.
     """
-    r = modulus(engine_speed) / (STICKING_SHARE * plant.engine_speed_min)
+    r = modulus(engine_speed) / sticking_speed(plant, no_fuel)
     if r.real < 1.0:
         no_fuel = no_fuel * (0.5 * r * (3.0 - r * r))
     return no_fuel if engine_speed.real >= 0.0 else -no_fuel

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from ...core.compiled import Real, Record, compiled
 from ..keys import INF, Section, effect
 from ..signals import Signal
+from ..validity import Validity
 
 
 class PrimeMover(Section):
@@ -58,6 +59,22 @@ class PrimeMover(Section):
             Lowest and highest value by key, and the end of the gap above 0 (:class:`..keys.KeyInfo`).
         """
         return {}
+
+
+def end_stops(quantity: str, unit: str) -> Validity:
+    """Return the range of a drive's command: what its end stops let through.
+
+    Args:
+        quantity: the command, as a noun phrase.
+        unit: SI.
+    """
+    return Validity(
+        quantity,
+        unit,
+        lambda _, samples: samples["drive"],
+        lambda plant: (float(plant["drive_min"]), float(plant["drive_max"])),
+        "beyond it the drive stays at its end stop",
+    )
 
 
 def torque_offset() -> Any:

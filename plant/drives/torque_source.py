@@ -9,7 +9,8 @@ from pydantic import Field
 from ...core.compiled import Real, Record, compiled
 from ..keys import number
 from ..signals import Signal
-from .prime_mover import PrimeMover, fill_two_way, torque_offset, with_offset
+from ..validity import Validity
+from .prime_mover import PrimeMover, end_stops, fill_two_way, torque_offset, with_offset
 
 
 class TorqueSource(PrimeMover):
@@ -24,6 +25,7 @@ class TorqueSource(PrimeMover):
         "motor_torque_demand", "M_d", "N m", -1e8, 1e8, "demand", "motor_torque_N_m",
         "torque demanded of the drive",
     )  # fmt: skip
+    validity: ClassVar[tuple[Validity, ...]] = (end_stops("motor torque command", "N m"),)
     steady_keys: ClassVar[tuple[str, ...]] = (
         "transmission.coulomb_friction_engine_side_N_m",
         "transmission.viscous_friction_engine_side_N_m_s_rad",

@@ -15,7 +15,7 @@ from shaftline.baselines.steady_points import steady_point
 from shaftline.envs import FrigateVectorEnv
 from shaftline.plant import Ship, ShipError, load_ship
 
-from .voyage import sail
+from .voyage import sail, with_blades_from
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]
 by_ship = pytest.mark.parametrize("ship", SHIPS, ids=lambda ship: ship.name)
@@ -64,7 +64,7 @@ def test_the_floor_is_never_below_the_engines_lowest_speed() -> None:
 
 
 def test_a_pitch_of_little_drive_is_left_out() -> None:
-    wide = SHIPS[1].with_values({"propeller.pitch_ratio_min": -0.4})
+    wide = with_blades_from(SHIPS[1], -0.4)
     assert combinator_curve(wide).pitch_ratio[0] == pytest.approx(0.1)
 
 

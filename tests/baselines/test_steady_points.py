@@ -12,6 +12,8 @@ from shaftline.plant.cavitation import burrill_ratio
 from shaftline.plant.fuel import fuel_rate
 from shaftline.plant.open_water import open_water
 
+from .voyage import with_blades_from
+
 
 def test_every_balance_is_closed(frigate: Ship) -> None:
     rough = frigate.with_values(
@@ -81,6 +83,6 @@ def test_ships_that_cannot_be_ordered_are_refused(frigate: Ship) -> None:
         require_diesel(Ship.model_validate(towed))
     with pytest.raises(ShipError, match="the hull is fixed"):
         steady_point(frigate.with_values({"hull.fixed": True}), 10.0, 1.2)
-    astern = frigate.with_values({"propeller.pitch_ratio_min": -1.0})
+    astern = with_blades_from(frigate, -1.0)
     with pytest.raises(ValueError, match=r"pitch ratio -0\.1 the propeller does not push"):
         steady_point(astern, 10.0, -0.1)

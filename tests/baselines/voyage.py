@@ -9,6 +9,7 @@ import numpy as np
 from shaftline.plant import Ship, equilibrium
 from shaftline.plant.fuel import fuel_rate
 from shaftline.plant.memory import MEMORY
+from shaftline.plant.propeller_curves import thrust_coefficient, torque_coefficient
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, Disturbance, prepare, step
 from shaftline.plant.waves import calm
@@ -25,6 +26,30 @@ class End(NamedTuple):
     fuel_flow: float
     brake_torque: float
     action: Any
+
+
+def with_blades_from(ship: Ship, lowest: float) -> Ship:
+    """A ship whose blades turn further: her own curves as a table, and lines through 0 at P/D 0."""
+    plant, least = ship.record(), ship.propeller.pitch_ratio_min
+    ratios = np.linspace(-0.1, 1.4, 31).tolist()
+    pitches = [lowest, 0.0, *np.linspace(least, ship.propeller.pitch_ratio_max, 4).tolist()]
+
+    def rows(curve: Any, power: int) -> list[list[float]]:
+        """Thrust turns with the blades (power 1), torque grows either way (power 2)."""
+        return [
+            [float(curve(plant, j, max(p, least))) * min(p / least, 1.0) ** power for j in ratios]
+            for p in pitches
+        ]
+
+    table = {
+        "advance_ratio": ratios, "pitch_ratio": pitches,
+        "thrust_coefficient": rows(thrust_coefficient, 1),
+        "torque_coefficient": rows(torque_coefficient, 2),
+    }  # fmt: skip
+    tree = ship.model_dump(exclude_unset=True)
+    change = {"model": "table", "open_water": table, "pitch_ratio_min": lowest}
+    tree["propeller"] = tree["propeller"] | change
+    return Ship.model_validate(tree)
 
 
 def sail(

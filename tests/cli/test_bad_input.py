@@ -69,13 +69,18 @@ def test_unknown_table(shaftline: Command) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("mass_kg = 3.3e6", "mass_kg = -1.0", ("hull.mass_kg", "-1.0", "unit kg", "> 0")),
+        ("mass_kg = 3.3e6", "mass_kg = -1.0", ("hull.mass_kg", "-1.0", "unit kg", ">= 0.01")),
         ("mass_kg = 3.3e6", "mass_kg = nan", ("hull.mass_kg", "nan", "unit kg")),
         ("mass_kg = 3.3e6", 'mass_kg = "heavy"', ("hull.mass_kg", "heavy", "unit kg")),
         ("mass_kg = 3.3e6", "mass_t = 3300.0", ("hull.mass_t", "not a known key")),
         ("diameter_m = 4.2", "", ("propeller.diameter_m", "missing", "unit m")),
         ('type = "diesel"', 'type = "steam"', ("prime_mover", "steam", "diesel")),
         ("blades = 5", "blades = 9", ("propeller.blades", "9", ">= 2 and <= 7")),
+        (
+            'model = "b-series"',
+            'model = "wageningen"',
+            ("allowed: b-series, four-quadrant, bollard",),
+        ),
         ("[hull]", "[hull", ("not valid TOML",)),
     ],
 )

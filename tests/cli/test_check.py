@@ -6,8 +6,10 @@ import json
 from pathlib import Path
 
 from shaftline.mismatch.example import COLUMN_MAP, CONCEALED, FOLDER, RECORDING
+from shaftline.plant import load_ship, write_ship
 from shaftline.proof.example import main as write_example
 
+from ..mismatch.recordings.trials import voyage
 from .conftest import Command
 
 
@@ -23,6 +25,43 @@ def test_the_command(shaftline: Command, tmp_path: Path) -> None:
     bad = shaftline("check", FOLDER / RECORDING, "--ship", "frigate")
     assert bad.exit_code == 2
     assert "column map might begin so" in bad.output
+
+
+def test_a_draft_is_a_toml_file_and_a_recording_has_a_name(
+    shaftline: Command, tmp_path: Path
+) -> None:
+    ask = ["check", FOLDER / RECORDING, "--ship", "frigate"]
+    for line, words in (
+        ([*ask, "--draft", tmp_path / "d.txt"], "d.txt: the name of a column map ends in .toml"),
+        (["check", "", "--ship", "frigate"], "a recording is needed, the path of one file"),
+    ):
+        found = shaftline(*line)
+        assert found.exit_code == 2
+        assert words in " ".join(found.output.split())
+    assert not (tmp_path / "d.txt").exists()
+
+
+def test_a_ship_that_diverges_at_once_is_refused(shaftline: Command, tmp_path: Path) -> None:
+    voyage(load_ship("frigate")).to_csv(tmp_path / "v.csv", index=False)
+    write_ship(load_ship("frigate").with_values({"hull.mass_kg": 1.0}), tmp_path / "light.toml")
+    found = shaftline("check", tmp_path / "v.csv", "--ship", tmp_path / "light.toml")
+    assert found.exit_code == 2, found.output
+    said = " ".join(found.output.split())
+    assert "refused: this ship cannot be driven by it: frigate: the simulation diverges" in said
+    assert "usable" not in said
+
+
+def test_values_far_beyond_any_bound_are_shown_short_and_warned_of_at_most_once(
+    shaftline: Command, tmp_path: Path
+) -> None:
+    table = voyage(load_ship("frigate"))
+    for column in ("shaft_torque_N_m", "fuel_rack_mm"):
+        table.assign(**{column: 1e300}).to_csv(tmp_path / "v.csv", index=False)
+        found = shaftline("check", tmp_path / "v.csv", "--ship", "frigate")
+        assert found.exit_code == 2
+        assert "1e+300" in found.output
+        assert "0000000000" not in found.output
+        assert "overflow" not in found.output
 
 
 def test_the_example_is_what_its_maker_writes(tmp_path: Path) -> None:

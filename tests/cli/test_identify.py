@@ -31,6 +31,16 @@ def test_numbers_are_found_and_written(shaftline: Command, trial: Path, tmp_path
     assert load_ship(out / "identified_ship.toml").hull.mass_kg == pytest.approx(3.6e6, rel=0.03)
 
 
+@pytest.mark.parametrize("free", ["", " , "])
+def test_no_key_is_refused_with_the_keys_that_can_be_free(
+    shaftline: Command, trial: Path, tmp_path: Path, free: str
+) -> None:
+    out = tmp_path / "out"
+    done = shaftline("identify", trial, "--ship", "frigate", "--free", free, "--out", out)
+    refused(done, "names no key; give auto, or keys of the ship's file", MASS, "hull.wake_fraction")
+    nothing_written(tmp_path, "trial.csv")
+
+
 POINTS = """\
 motor_voltage_V,shaft_speed_rad_s,motor_current_A
 2.11,31.2,1.40

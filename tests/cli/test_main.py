@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 from typer.testing import CliRunner
@@ -31,6 +33,22 @@ def test_what_is_slow_is_imported_when_it_is_used(module: str) -> None:
     code = f"import sys, shaftline.{module}\nprint(sorted({slow} & set(sys.modules)))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(("arguments", "spoken"), [(["--help"], False), ([], True)])
+def test_help_is_not_preceded_by_a_word_on_loading(
+    monkeypatch: pytest.MonkeyPatch, arguments: list[str], spoken: bool
+) -> None:
+    heard: list[str] = []
+
+    @contextmanager
+    def loading() -> Iterator[None]:
+        heard.append("loading")
+        yield
+
+    monkeypatch.setattr(main, "loading", loading)
+    CliRunner().invoke(main.app, ["list", *arguments])
+    assert bool(heard) is spoken
 
 
 def test_every_file_is_a_command() -> None:

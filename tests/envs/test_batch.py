@@ -222,7 +222,7 @@ def test_a_ship_begins_with_the_rack_that_her_load_needs(load: float) -> None:
     height = 2.5
     env.reset(seed=0, options=options | {"sea": {"hs_m": height, "tp_s": 10.0}})
     plant, episode = env.batch.arrays.plants[0], env.batch.arrays.episodes[0]
-    waves = wave_resistance(plant, height**2) / resistance(plant, 7.0, 1.0)
+    waves = wave_resistance(plant, height**2, 7.0) / resistance(plant, 7.0, 1.0)
     env.reset(seed=0, options=options | {"resistance_rise": load + waves - 1.0})
     assert waves > 0.05
     heavier = float(env.batch.arrays.episodes[0]["drive"])

@@ -11,13 +11,8 @@ import numpy as np
 import pytest
 
 from shaftline.envs import DEFAULTS, FrigateEnv, FrigateVectorEnv, Settings, get_task
-from shaftline.envs.settings import (
-    OPTIONS,
-    Begin,
-    check_randomise,
-    noise_of,
-    seas_of,
-)
+from shaftline.envs.options import OPTIONS, Begin
+from shaftline.envs.settings import check_randomise, noise_of, seas_of
 from shaftline.plant import Sea, get_sea, load_ship
 
 TRANSIT = get_task("transit")
@@ -119,7 +114,7 @@ def test_seas_are_presets_parameters_ranges_and_lists_of_them() -> None:
         ({"hs_m": (1.0, 2.0, 4.0), "tp_s": 9.0}, r"sea\['hs_m'\]"),
         ({"hs_m": (), "tp_s": 9.0}, r"sea\['hs_m'\]"),
         ({"hs_m": 30.0, "tp_s": 9.0}, "(?s)hs_m.*less than or equal to 25"),
-        ({"hs_m": 3.0}, "(?s)tp_s.*required"),
+        ({"hs_m": 3.0}, "tp_s is missing"),
         ({"hs_m": 3.0, "tp_s": 9.0, "wind": 1.0}, "wind"),
         ([], r"sea = \[\]: must be a preset"),
         (5, "sea = 5: must be a preset"),
@@ -175,6 +170,7 @@ def test_noise_out_of_range_is_named(noise: Any, words: str) -> None:
 @pytest.mark.parametrize(
     ("key", "width", "words"),
     [
+        ("integration.time_step_s", 0.1, "every episode has the same integration"),
         ("colour", 0.1, r"randomise\['colour'\] = 0\.1: must be a number of the ship's file"),
         ("hull.colour", 0.1, "must be a number of the ship's file by its dotted key"),
         ("resistance_coefficient", 0.1, "by its dotted key"),  # the record's name
@@ -232,7 +228,7 @@ def test_options_become_what_an_episode_begins_with() -> None:
 
 GOOD_ENDS: dict[str, tuple[Any, ...]] = {
     "speed_order_m_s": (0.0, 40.0), "order_interval_s": (1e-3, math.inf),
-    "initial_speed_m_s": SPEEDS, "resistance_rise": (-0.9, 10.0),
+    "initial_speed_m_s": SPEEDS, "resistance_rise": (-0.85, 10.0),
 }  # fmt: skip
 
 
@@ -258,8 +254,20 @@ BAD_OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"order_interval_s": None}, "order_interval_s = None"),
     ({"initial_speed_m_s": 1.0}, r"initial_speed_m_s = 1\.0: must be 4(\.434\d+)? to 10"),
     ({"initial_speed_m_s": 10.5}, r"initial_speed_m_s = 10\.5: must be 4"),
-    ({"resistance_rise": -0.91}, r"resistance_rise = -0\.91: must be -0\.9 to 10 -"),
+    ({"resistance_rise": -0.86}, r"resistance_rise = -0\.86: must be -0\.85 to 10 -"),
     ({"resistance_rise": 10.1}, r"resistance_rise = 10\.1"),
+    ({"resistance_rise": True}, "resistance_rise = True: must be"),
+    ({"resistance_rise": "1"}, "resistance_rise = '1': must be"),
+    ({"resistance_rise": 1j}, "resistance_rise = 1j: must be"),
+    ({"speed_order_m_s": np.array([-1])}, "speed_order_m_s = -1: must be 0 to 40 m/s"),
+    ({"sea": {"hs_m": 3.0, "tp_s": 2.0}}, "sea: hs_m = 3 m at tp_s = 2 s: such waves break"),
+    ({"sea": {"hs_m": 3.0}}, "sea: tp_s is missing"),
+    ({"sea": {"hs_m": "high", "tp_s": 9.0}}, r"sea\['hs_m'\] = 'high': must be a number"),
+]
+
+NO_OPTIONS: list[tuple[Any, str]] = [
+    ([1], r"options = \[1\]: must be a dictionary of options by name"),
+    ("calm", "options = 'calm': must be a dictionary"),
 ]
 
 
@@ -270,8 +278,8 @@ def test_options_out_of_range_are_named(options: dict[str, Any], words: str) -> 
 
 
 @pytest.mark.parametrize("form", [FrigateEnv, lambda **settings: FrigateVectorEnv(2, **settings)])
-@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS)
-def test_a_refused_reset_changes_nothing(form: Any, options: dict[str, Any], words: str) -> None:
+@pytest.mark.parametrize(("options", "words"), BAD_OPTIONS + NO_OPTIONS)
+def test_a_refused_reset_changes_nothing(form: Any, options: Any, words: str) -> None:
     env, other = form(task="transit"), form(task="transit")
     for one in (env, other):
         one.reset(seed=1, options={"sea": "calm", "resistance_rise": 0.2})

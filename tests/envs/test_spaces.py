@@ -44,6 +44,7 @@ def test_actions_beyond_the_box_are_clipped() -> None:
         ("ahead", r"action 'ahead': must be finite numbers of shape \(2,\)"),
         ([10**400, 0], r"must be finite numbers of shape \(2,\)"),
         ([[0.0], [0.0, 0.0]], r"must be finite numbers of shape \(2,\)"),
+        ([0.5j, 0.0], r"must be finite numbers of shape \(2,\)"),
         (None, r"action has shape \(\), \(2,\) is needed"),
         ([[0.0, 0.0]], r"shape \(1, 2\), \(2,\) is needed"),
     ],

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringEnv, SteeringVectorEnv, get_task
-from shaftline.envs.settings import Begin, seas_of
+from shaftline.envs.options import Begin
+from shaftline.envs.settings import seas_of
 from shaftline.envs.starts import LOADS, draw_episodes, steady_states, steady_tables
 from shaftline.plant import load_ship
 

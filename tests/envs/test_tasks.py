@@ -110,6 +110,13 @@ def fields(**changes: Any) -> dict[str, Any]:
         ({"speed_order_m_s": (9.0, 7.0)}, "speed_order_m_s.*the lowest value must stand first"),
         ({"resistance_rise": (0.3, -0.1)}, "resistance_rise.*the lowest value"),
         ({"resistance_rise": (0.0, float("inf"))}, "resistance_rise"),
+        ({"resistance_rise": (-0.95, 0.0)}, "resistance_rise = .*-0.95.*must lie within -0.9 to 10"),
+        ({"resistance_rise": (0.0, 99.0)}, "resistance_rise = .*99.*must lie within -0.9 to 10"),
+        ({"resistance_rise": (-0.8, 0.0), "resistance_swing": 0.2}, "at least 0.05 must be left"),
+        ({"speed_order_m_s": (5.0, 400.0)}, "speed_order_m_s = .*must lie within 0 to 40 m/s"),
+        ({"drift_force_kN": (0.0, 1e9)}, "drift_force_kN = .*must lie within"),
+        ({"held_out": {"seas": ["calm"], "resistance_rise": (-2.0, 1.0), "resistance_swing": 0.1}},
+         "held_out: resistance_rise = .*must lie within"),
         ({"weights": {}}, "weights.fuel_kg_s"),
         ({"held_out": {"seas": ["calm"], "resistance_rise": (1.0, 0.0), "resistance_swing": 0.1}},
          "held_out.resistance_rise"),
@@ -118,6 +125,12 @@ def fields(**changes: Any) -> dict[str, Any]:
 def test_fields_out_of_range_are_named(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(TaskError, match=f"(?s)task: .*{words}"):
         get_task(fields(**changes))
+
+
+@pytest.mark.parametrize("task", [3, None, ("transit",)])
+def test_what_is_no_task_is_named(task: Any) -> None:
+    with pytest.raises(ValueError, match="must be a name, a Task, or a dictionary of its fields"):
+        FrigateEnv(task=task)
 
 
 def test_ranges_may_be_a_single_value() -> None:

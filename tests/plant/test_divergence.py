@@ -23,9 +23,12 @@ SHIP = load_ship("frigate")
 
 
 def _runaway(ship: Ship) -> Ship:
-    """A ship with a term whose state grows without a bound, slowly enough to be loaded."""
+    """A ship with a term that leaves its rest as soon as the speed changes, and never returns.
+
+    It grows slowly enough to be loaded, and has a rest, without which no start would be found.
+    """
     term = {"id": "runaway", "acts_on": "resistance", "expression": "u", "state": "u",
-            "rate": "1 + u * 15"}  # fmt: skip
+            "rate": "ship_speed + u * 15"}  # fmt: skip
     return ship.with_values({"term": [term]})
 
 
@@ -56,7 +59,8 @@ def test_a_simulation_is_refused() -> None:
 def test_a_recordings_simulation_is_refused() -> None:
     start = equilibrium(SHIP, 20.0, 1.2).state
     time = 0.1 * np.arange(600)
-    table = pd.DataFrame({"time_s": time, "fuel_rack_mm": 20.0, "pitch_ratio_command": 1.2,
+    rack = np.where(time < 5.0, 20.0, 15.0)
+    table = pd.DataFrame({"time_s": time, "fuel_rack_mm": rack, "pitch_ratio_command": 1.2,
                           "pitch_ratio": 1.2, "shaft_speed_rad_s": start.shaft_speed,
                           "ship_speed_m_s": start.ship_speed})  # fmt: skip
     simulate_recording(SHIP, table)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -48,6 +50,22 @@ from .terms import HEARD, LOADED, value
 def test_an_expression_means_what_it_says(frigate: Ship, expression: str, expected: float) -> None:
     numbers = {"a": 4.0, "b": 3.0} if "a *" in expression else {}
     assert value(frigate, expression, HEARD, **numbers) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("expression", "words"),
+    [
+        ("table(ship_speed, 20, 4e4, 0, 0)", "must rise, but 0 follows 20"),
+        ("table(ship_speed, 0, 1, 0, 2)", "must rise, but 0 follows 0"),
+        ("table(ship_speed, 1, 1, -2, 2, 3, 3)", "must rise, but -2 follows 1"),
+        ("1 + 2 * table(ship_speed, 0, 1, 5, table(drive, 2, 0, 1, 0))", "but 1 follows 2"),
+        ("table(ship_speed, 0, 1, drive, 2)", "'drive' is the x of a table's point"),
+        ("table(ship_speed, 0, 1, 2 + 3, 2)", "'2 + 3' is the x of a table's point"),
+    ],
+)
+def test_points_of_a_table_stand_in_order(expression: str, words: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(words)):
+        Term(id="a", acts_on="thrust", expression=expression)
 
 
 @given(

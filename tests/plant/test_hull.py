@@ -5,7 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.plant import Equilibrium, Schedule, Ship, ShipError, equilibrium, load_ship, simulate
+from shaftline.plant import (
+    Equilibrium,
+    Schedule,
+    Ship,
+    ShipError,
+    State,
+    equilibrium,
+    load_ship,
+    ship_names,
+    simulate,
+)
 from shaftline.plant.hull import (
     episode_factor,
     resistance,
@@ -41,8 +51,31 @@ def test_waves_from_ahead_add_resistance(frigate: Ship, heading: float, height: 
     """STAWAVE-1 by hand: 1025 x 9.81 / 16 x Hs^2 x 14.4 x sqrt(14.4 / 45)."""
     plant = with_hull(frigate, beam_m=14.4, bow_length_m=45.0).record()
     sea = realise(Sea(hs_m=3.0, tp_s=9.0, heading_deg=heading), 4.0, 1)
-    found = wave_resistance(plant, motion(sea).head_sea)
+    found = wave_resistance(plant, motion(sea).head_sea, 2.0)
     assert found == pytest.approx(5119.2975 * height**2, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("speed", "share"),
+    [(8.0, 1.0), (2.0, 1.0), (1.0, 0.5), (0.5, 0.15625), (0.0, 0.0), (-3.0, 0.0)],
+)
+def test_waves_hold_back_a_ship_under_way_only(frigate: Ship, speed: float, share: float) -> None:
+    plant = with_hull(frigate, beam_m=14.4, bow_length_m=45.0).record()
+    assert wave_resistance(plant, 9.0, speed) == pytest.approx(share * 5119.2975 * 9.0, rel=1e-5)
+    slope = complex(wave_resistance(plant, 9.0, speed + 1e-30j)).imag / 1e-30
+    assert slope >= 0.0
+
+
+@pytest.mark.parametrize("name", [n for n in ship_names() if load_ship(n).hull.beam_m > 0.0])
+@pytest.mark.parametrize("speed", [0.0, 6.0])
+def test_waves_drive_no_dead_ship_astern(name: str, speed: float) -> None:
+    ship = load_ship(name)
+    pitch = ship.propeller.pitch_ratio_max
+    begin = State(pitch, 0.0, speed)
+    sea = realise(Sea(hs_m=6.0, tp_s=12.0), ship.propeller.depth_m, 1)
+    run = simulate(ship, Schedule(0.0, pitch), 600.0, initial=begin, sea=sea)
+    assert run["ship_speed"].min() > -0.5  # what orbital motion at the blades may give
+    assert run["ship_speed"][-1] < 3.0
 
 
 def test_a_beam_needs_the_length_of_its_bow(frigate: Ship) -> None:

@@ -9,6 +9,7 @@ import pytest
 from shaftline.plant import Schedule, Ship, ShipError, State, equilibrium, load_ship, simulate
 from shaftline.plant.open_water import b_series, open_water
 from shaftline.plant.propeller import (
+    PITCH_RANGES,
     cavitation_loss,
     cavitation_number,
     propeller_load,
@@ -195,6 +196,27 @@ def test_lowest_pitch_may_equal_the_highest(frigate: Ship) -> None:
     assert not frigate.with_values({"propeller.pitch_ratio_min": 1.4}).has_variable_pitch
     with pytest.raises(ValueError, match="pitch_ratio_min must not exceed pitch_ratio_max"):
         frigate.with_values({"propeller.pitch_ratio_min": 1.41})
+
+
+@pytest.mark.parametrize("model", ["b-series", "four-quadrant"])
+@pytest.mark.parametrize(("key", "value"), [("pitch_ratio_min", -1.0), ("pitch_ratio_min", 0.3)])
+def test_blades_that_the_curves_do_not_know_are_refused(
+    frigate: Ship, model: str, key: str, value: float
+) -> None:
+    with pytest.raises(ShipError, match=rf"{key} = {value:g} lies outside .* where the curves of"):
+        frigate.with_values({"propeller.model": model, f"propeller.{key}": value})
+
+
+@pytest.mark.parametrize("model", ["b-series", "four-quadrant"])
+def test_lowest_pitch_that_is_allowed_pushes_less_and_never_the_other_way(
+    frigate: Ship, model: str
+) -> None:
+    low, high = PITCH_RANGES[model]
+    changes = {"propeller.pitch_ratio_min": low, "propeller.pitch_ratio_max": high}
+    plant = frigate.with_values({"propeller.model": model, **changes}).record()
+    thrusts = [load(plant, 0.0, 9.0, pitch).thrust for pitch in np.linspace(low, high, 40)]
+    assert thrusts[0] > 0.0
+    assert np.all(np.diff(thrusts) > 0.0)
 
 
 def test_losses_slow_the_ship(frigate: Ship) -> None:

@@ -157,7 +157,7 @@ def test_with_values_reaches_the_record(frigate: Ship) -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"hull.mass_kg": -1.0}, r"frigate: hull\.mass_kg = -1\.0.*unit kg; allowed: > 0"),
+        ({"hull.mass_kg": -1.0}, r"frigate: hull\.mass_kg = -1\.0.*unit kg; allowed: >= 0\.01"),
         ({"hull.current_m_s": math.nan}, r"hull\.current_m_s = nan"),
         ({"tolerances.mass": math.inf}, r"tolerances\.mass = inf.*>= 0 and <= 0\.5"),
         ({"hull.colour": 1.0}, r"hull\.colour is not a known key"),
@@ -182,7 +182,7 @@ def test_with_values_validates(frigate: Ship, values: dict[str, float], words: s
         ("prime_mover.rack_rate_limit_mm_s", "rack_rate_limit", ("mm/s", 0, math.inf, math.inf)),
         ("hull.current_m_s", "current", ("m/s", -5, 5, 0)),
         ("sensors.torque_gain", "torque_sensor_gain", ("-", 0, 3, 1)),
-        ("hull.mass_kg", "mass", ("kg", 0, 1e9, None)),
+        ("hull.mass_kg", "mass", ("kg", 0.01, 1e9, None)),
     ],
 )
 def test_key_has_a_field_and_a_range(

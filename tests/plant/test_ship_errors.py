@@ -106,7 +106,8 @@ def test_all_mistakes_are_named_at_once(edited: Edit) -> None:
         ({"prime_mover.type": None},
          "f: prime_mover.type is missing (allowed: dc-motor, diesel, speed-command, torque-command)"),
         ({"hull.mass_kg": -1.0},
-         "f: hull.mass_kg = -1.0: input should be greater than 0 (unit kg; allowed: > 0 and <= 1e+09)"),
+         "f: hull.mass_kg = -1.0: input should be greater than or equal to 0.01 "
+         "(unit kg; allowed: >= 0.01 and <= 1e+09)"),
         ({"prime_mover.speed_min_rpm": 1e3},
          "f: prime_mover: speed_min_rpm must be below speed_max_rpm"),
         ({"sensors.torque_delay_s": 6.0, "integration.time_step_s": 0.01},

@@ -170,6 +170,22 @@ def test_one_sample_at_every_step_and_one_at_the_end(
     np.testing.assert_allclose(found["time"], 0.05 * np.arange(samples), atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("drive", "words"),
+    [
+        (lambda t: 22.0 if t < 60.0 else 0.0, r"np\.where\(t < 60\.0, a, b\)"),
+        (lambda t: t[:3], r"an array of shape \(10,\)"),
+        ("full", "must be a number"),
+        ([1.0, 2.0], r"an array of shape \(10,\)"),
+    ],
+)
+def test_command_that_gives_no_value_for_each_time_is_explained(
+    frigate: Ship, design_point: Equilibrium, drive: Any, words: str
+) -> None:
+    with pytest.raises(ValueError, match=f"drive: .*{words}"):
+        simulate(frigate, Schedule(drive, 1.4), 0.5, initial=design_point.state)
+
+
 def test_elevation_is_added_to_the_seas(
     frigate: Ship, design_point: Equilibrium, thesis_sea: Any
 ) -> None:

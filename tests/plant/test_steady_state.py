@@ -148,6 +148,38 @@ def test_disturbances_shift_the_steady_state(frigate: Ship, design_point: Equili
     assert pushed.outputs.advance_velocity == pytest.approx(0.95 * pushed.state.ship_speed + 0.5)
 
 
+RUNAWAY = {
+    "grows for ever": "2.0",
+    "hears no rest": "1 + z * z",
+    "grows with the time": "0.1 + 0.01 * abs(z)",
+}
+
+
+@pytest.mark.parametrize("rate", RUNAWAY.values(), ids=RUNAWAY)
+def test_state_of_a_term_that_never_rests_is_named(frigate: Ship, rate: str) -> None:
+    term = {"id": "runaway", "acts_on": "thrust", "expression": "0 * z", "state": "z", "rate": rate}
+    ship = Ship.model_validate(frigate.model_dump(exclude_unset=True) | {"term": [term]})
+    with pytest.raises(ValueError, match="the state z of term 'runaway' does not come to rest"):
+        equilibrium(ship, 22.0, 1.2)
+
+
+@pytest.mark.parametrize(
+    ("rate", "rest"),
+    [
+        ("(3 - z) / 5", 3.0),
+        ("(z - 3) / 5", 3.0),  # which it leaves at the least push, but where it rests
+        ("z + 1", -1.0),
+        ("0 * z", 0.0),
+    ],
+)
+def test_state_of_a_term_is_found_where_it_rests(frigate: Ship, rate: str, rest: float) -> None:
+    term = {"id": "a", "acts_on": "thrust", "expression": "1e3 * z", "state": "z", "rate": rate}
+    ship = Ship.model_validate(frigate.model_dump(exclude_unset=True) | {"term": [term]})
+    found = equilibrium(ship, 22.0, 1.2)
+    assert found.state.term_1 == pytest.approx(rest, abs=1e-9)
+    assert_steady(ship, found)
+
+
 def test_engine_that_gives_no_torque_has_no_steady_state(frigate: Ship) -> None:
     with pytest.raises(ValueError, match=r"frigate: no steady state .* drive 2 and pitch ratio 1"):
         equilibrium(frigate, 2.0, 1.0)

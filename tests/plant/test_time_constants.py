@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.plant import Schedule, equilibrium, load_ship, simulate
+from shaftline.plant import Schedule, State, equilibrium, load_ship, simulate
 from shaftline.plant.keys import KeyInfo, Section, is_lag
 from shaftline.plant.ship import Ship
 from shaftline.plant.ship_errors import ShipError
@@ -187,6 +187,31 @@ def test_the_range_of_an_armature_ends_where_the_step_does_not_resolve_it() -> N
         moved = ship.with_values({number.key: edge})
         (constant,) = moved.prime_mover.time_constants.values()
         assert constant == pytest.approx(ship.time_step_s)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"transmission.gear_ratio": 50.0},
+        {"prime_mover.speed_min_rpm": 1.0},
+        {
+            "transmission.inertia_engine_side_kg_m2": 400.0,
+            "transmission.inertia_propeller_side_kg_m2": 400.0,
+        },
+    ],
+)
+@pytest.mark.parametrize("name", ["frigate", "ferry"])
+def test_engine_friction_brings_a_light_shaft_to_rest_without_chatter(
+    name: str, changes: dict[str, float]
+) -> None:
+    """Its slope at standstill would stop each of these shafts within a time step."""
+    ship = load_ship(name).with_values(changes)
+    pitch = ship.propeller.pitch_ratio_min
+    begin = State(pitch, 0.05 * ship.shaft_speeds[0], 0.0)
+    run = simulate(ship, Schedule(0.0, pitch), 120.0, initial=begin)
+    late = run[run["time"] > 60.0]
+    assert np.abs(late["shaft_speed"]).max() < 1e-3 * run["shaft_speed"][0]
+    assert run["ship_speed"].min() > -1e-3
 
 
 def test_friction_that_would_stop_a_shaft_within_a_step_brings_it_to_rest_without_chatter() -> None:

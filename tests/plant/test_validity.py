@@ -33,7 +33,14 @@ def run_of(**signals: Any) -> Any:
     size = max(np.size(values) for values in signals.values())
     samples = np.zeros(size, SAMPLE)
     samples["time"] = np.arange(size)
-    easy = {"shaft_speed": 9.0, "advance_velocity": 3.0, "pitch_ratio": 1.2, "ship_speed": 6.5}
+    easy = {
+        "drive": 5.0,
+        "pitch_command": 1.2,
+        "shaft_speed": 9.0,
+        "advance_velocity": 3.0,
+        "pitch_ratio": 1.2,
+        "ship_speed": 6.5,
+    }
     for name, value in (easy | signals).items():
         samples[name] = value
     return samples
@@ -76,6 +83,9 @@ def test_engine_below_idle_speed_is_named_with_its_range_and_time(frigate: Ship)
         ({"advance_velocity": [9.6, -1.5]}, []),
         ({"pitch_ratio": [1.4, 1.41]}, ["the blades' pitch ratio P/D"]),
         ({"pitch_ratio": [0.49, 0.5]}, ["the blades' pitch ratio P/D"]),
+        ({"pitch_command": [0.6, 1.4, 0.0]}, ["pitch command"]),
+        ({"drive": [0.0, 26.0]}, []),
+        ({"drive": [-1.0, 20.0]}, ["fuel rack command"]),
         ({"shaft_speed": [-0.1, -0.2]}, ["engine speed", "the propeller's shaft speed"]),
         ({"shaft_speed": [0.0], "advance_velocity": [0.0]}, ["engine speed"]),
     ],

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.findings import detectable_effects, findings_of
+from shaftline.mismatch.judge.findings import at_bound, detectable_effects, findings_of
+from shaftline.mismatch.report.sentences import finding_sentence
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.selection import Selection
@@ -70,6 +71,22 @@ def test_an_instrument_is_shown_in_the_balance_that_feels_it_most() -> None:
     assert found.row == 0  # 4 of 0.5 is more than 5 of 2
     (found,) = findings_of(fit, chosen, white(0, 0.5, 0.4))
     assert found.row == 1
+
+
+def test_a_value_at_the_bound_of_its_search_has_no_interval(both: tuple[Fitter, Selection]) -> None:
+    fit, _ = both
+    low, high = fit.trial_ship.range_of(HULL_FOULING.parameters[0])
+    for bound in (low, high):
+        placed = Placed(HULL_FOULING, (bound,))
+        chosen = Selection(fit.fitted((placed,)), (90.0,), (8.0,), ((),), ())
+        (found,) = findings_of(fit, chosen, lacking(fit))
+        said = f"fouling_fraction ended at the bound of its search, {bound:.4g}"
+        assert found.unmeasured == said
+        assert f"({said}: no interval)" in finding_sentence(found)
+    for inside in (0.9 * low, 0.0, 0.99 * high):
+        assert at_bound(fit.trial_ship, Placed(HULL_FOULING, (inside,))) == ""
+    # friction begins at 0, where it is absent: that bound is no end of a search
+    assert at_bound(fit.trial_ship, Placed(ENGINE_FRICTION, (0.0,))) == ""
 
 
 def test_windows_and_regime_are_those_of_the_trace(monkeypatch: pytest.MonkeyPatch) -> None:

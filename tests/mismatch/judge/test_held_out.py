@@ -156,3 +156,33 @@ def test_the_part_set_aside_is_judged_alone() -> None:
     assert scores[1] == pytest.approx(
         Likelihood(grid, np.zeros((1, *noise.shape), complex))(noise).score
     )
+
+
+@pytest.mark.parametrize(
+    ("column", "level", "off", "lost"),
+    [
+        ("shaft_torque_N_m", 1e5, 0.26, True),
+        ("shaft_torque_N_m", 1e5, 0.24, False),
+        ("shaft_torque_N_m", 0.12, 1e6, True),
+        ("yaw_rate_rad_s", 1e-3, 9.0, False),
+        ("shaft_angle_rad", 10.0, 9.0, False),
+    ],
+)
+def test_a_model_that_loses_a_channel_is_refuted(
+    column: str, level: float, off: float, lost: bool
+) -> None:
+    """Waves of the channel's own size are in the recording and not in the simulation."""
+    fit = fitter({FRICTION: 6000.0})
+    toy: Any = fit.balances.replay
+    waves = 0.9 * level * np.sin(2.0 * np.pi * np.arange(ROWS) / 8.25)
+    toy.recorded = {column: level + waves}
+    simulated = toy.simulated
+    toy.simulated = lambda samples: simulated(samples) | {column: np.full(ROWS, level)}
+    judge = HeldOut(fit, [(300, ROWS)])
+    chosen = fit.fitted((Placed(entry("coulomb-friction (engine)"), (6000.0,)),))
+    size = float(np.sqrt(np.mean(toy.recorded[column][300:] ** 2)))
+    assert np.isfinite(judge.score(chosen))
+    toy.simulated = lambda samples: simulated(samples) | {column: np.full(ROWS, level + off * size)}
+    assert judge.lost(chosen) == ([column] if lost else [])
+    assert np.isneginf(judge.score(chosen)) == lost
+    assert np.isfinite(judge.score(fit.null))

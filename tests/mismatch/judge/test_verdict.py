@@ -28,7 +28,10 @@ class Whiteness:
 
     def __init__(self, before: Any, after: Any, null: bool = True, left: bool = False) -> None:
         names = [f"row{k}" for k in range(np.shape(before)[1])]
-        self.fitter = SimpleNamespace(null="null", balances=SimpleNamespace(names=names))
+        trial_ship = SimpleNamespace(range_of=lambda _: (0.001, 5.0), origin=lambda _: 1.0)
+        self.fitter = SimpleNamespace(
+            null="null", balances=SimpleNamespace(names=names), trial_ship=trial_ship
+        )
         self._ratios = {"null": np.array(before), "fit": np.array(after)}
         self._colours = {"null": RED if null else None, "fit": RED if left else None}
 
@@ -45,9 +48,10 @@ class Whiteness:
         return None if plain else self._colours[key]
 
 
-def selection(*gains: float, effects: int = 1, rivals: int = 0) -> Any:
+def selection(*gains: float, effects: int = 1, rivals: int = 0, value: float = 0.8) -> Any:
+    placed = SimpleNamespace(pairs=((SimpleNamespace(key="sensors.torque_gain"), value),))
     return SimpleNamespace(
-        fit=SimpleNamespace(effects=("effect",) * effects),
+        fit=SimpleNamespace(effects=(placed,) * effects),
         rivals=(("rival",) * rivals,) * effects,
         ranking=tuple(SimpleNamespace(gain=gain) for gain in gains),
     )
@@ -82,6 +86,21 @@ def test_what_explains_all_is_believed() -> None:
     assert (found.name, found.explained, found.colour, found.left_over) == (
         EXPLAINED, 1.0, RED, None,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("value", "name"),
+    [(0.001, PARTLY), (0.001 * (1.0 + 1e-9), PARTLY), (5.0, PARTLY), (0.0011, EXPLAINED)],
+)
+@pytest.mark.parametrize("sure", [False, True])
+def test_a_value_at_the_bound_of_its_search_explains_nothing_wholly(
+    value: float, name: str, sure: bool
+) -> None:
+    chosen, whiteness = selection(100.0, value=value), Whiteness([[9.0]], [[1.0]])
+    found: Any = verdict_of(chosen, whiteness, 50.0, True, sure)  # type: ignore[arg-type]
+    assert found.name == name
+    refuted: Any = verdict_of(chosen, whiteness, -np.inf, True, sure)  # type: ignore[arg-type]
+    assert refuted.name == UNEXPLAINED
 
 
 @pytest.mark.parametrize(("gain", "name"), [(-6.0, EXPLAINED), (-6.01, UNEXPLAINED)])

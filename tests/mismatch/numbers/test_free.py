@@ -48,10 +48,15 @@ def test_what_cannot_be_free_is_named(frigate: Ship, keys: tuple[str, ...], word
 def test_a_step_stops_short_of_a_bound(frigate: Ship) -> None:
     free = Free(frigate, (MASS, "transmission.efficiency"))
     low = free.numbers[0].searched[0]
-    assert free.numbers[0].info.low < low < 0.01 * 3e6
+    assert low == free.numbers[0].info.low == 0.01
     found = free.towards((3e6, 0.95), (-1e6, 0.97))
-    assert found == [pytest.approx(low + 0.1 * (3e6 - low)), 0.97]
+    assert found == [pytest.approx(0.1 * 3e6 + 0.9 * low), 0.97]
     assert free.towards((3e6, 0.95), (2e6, 1.2))[1] == pytest.approx(0.995)
+
+
+def test_a_search_stays_off_a_bound_that_the_file_excludes(frigate: Ship) -> None:
+    diameter = Free(frigate, ("propeller.diameter_m",)).numbers[0]
+    assert diameter.info.low == 0.0 < diameter.searched[0] < 0.01 * diameter.value
 
 
 def test_a_file_may_be_wrong_about_what_it_states_and_has_a_tolerance_or_an_effect() -> None:

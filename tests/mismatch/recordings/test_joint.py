@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -104,3 +105,15 @@ def test_short_parts_of_a_voyage_count_together(frigate: Ship, calm: pd.DataFram
         load_jointly(frigate, parts[:2], parts[2:])
     with pytest.raises(RecordingError, match="table 2: 9 rows; at least 10 are needed of each"):
         load_jointly(frigate, [calm, calm.iloc[:9]])
+
+
+def test_a_table_with_one_name_twice_is_refused(frigate: Ship, calm: pd.DataFrame) -> None:
+    twice = pd.concat([calm, calm[["ship_speed_m_s"]]], axis=1)
+    with pytest.raises(RecordingError, match="table: column 'ship_speed_m_s' stands twice"):
+        load_jointly(frigate, [twice])
+
+
+@pytest.mark.parametrize("other", [None, [1.0, 2.0], {"time_s": [0.0]}])
+def test_what_is_no_recording_is_named(frigate: Ship, other: Any) -> None:
+    with pytest.raises(TypeError, match=f"a recording is .*, not {type(other).__name__}"):
+        load_jointly(frigate, [other])

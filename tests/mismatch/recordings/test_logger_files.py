@@ -259,3 +259,39 @@ def test_a_sheet_that_is_not_there_is_named(
     (tmp_path / "map.toml").write_text(MAP + '[file]\nsheet = "Voyage"\n', encoding="utf-8")
     with pytest.raises(RecordingError, match=r"no sheet 'Voyage'; it has: Notes, Log"):
         load_recording(path, frigate, tmp_path / "map.toml")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "stated"),
+    [
+        *((f"utf-{wide}", stated) for wide in ("16", "16-be", "16-le", "32", "32-be", "32-le")
+          for stated in (False, True)),
+        ("cp500", True),  # of a mainframe, which nobody guesses
+    ],
+)  # fmt: skip
+def test_wide_letters_are_read_with_and_without_a_mark(
+    frigate: Ship, calm: pd.DataFrame, tmp_path: Path, encoding: str, stated: bool
+) -> None:
+    (tmp_path / "r.csv").write_bytes(calm.to_csv(index=False).encode(encoding))
+    (tmp_path / "map.toml").write_text(f'[file]\nencoding = "{encoding}"\n')
+    found = load_recording(tmp_path / "r.csv", frigate, tmp_path / "map.toml" if stated else None)
+    np.testing.assert_allclose(found["shaft_torque_N_m"], calm["shaft_torque_N_m"], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "begins", "words"),
+    [
+        ("r.csv.gz", b"\x1f\x8b\x08\x00", r"compressed \(gzip\); unpack it first"),
+        ("r.csv.zip", b"PK\x03\x04", "a zip archive or a spreadsheet"),
+        ("r.mat", b"MATLAB 5.0 MAT-file", "a MATLAB file; save the table as CSV"),
+        ("r.mat", b"\x89HDF\r\n", "an HDF5 or a MATLAB file"),
+        ("r.csv", b"PAR1", r"a Parquet file; give it the ending \.parquet"),
+        ("r.csv", b"time_s,fuel\x00rack\n1,2\n", "bytes that are no text"),
+    ],
+)
+def test_what_is_no_text_is_named_for_what_it_is(
+    frigate: Ship, tmp_path: Path, name: str, begins: bytes, words: str
+) -> None:
+    (tmp_path / name).write_bytes(begins + bytes(200))
+    with pytest.raises(RecordingError, match=words):
+        load_recording(tmp_path / name, frigate)

@@ -11,6 +11,7 @@ from shaftline.mismatch.recordings.noise import (
     Noise,
     clipped,
     describe,
+    describe_command,
     frozen,
     quantisation,
     white_rms,
@@ -139,3 +140,14 @@ def test_a_sensor_that_stops_has_the_noise_that_it_had_before(frigate: Ship, sha
 def test_an_order_that_is_held_and_led_by_turns_has_no_noise() -> None:
     ramps = np.interp(np.arange(0.0, 800.0), np.arange(0, 800, 100), [0, 0, 1, 1, 0, 0, 1, 1])
     assert white_rms(ramps) < 1e-12
+
+
+def test_the_steps_of_a_command_are_no_noise_and_its_rests_no_slow_instrument() -> None:
+    steps = np.resize(np.repeat([20.0, 25.0, 16.0, 22.0], 60), 1200)
+    assert describe_command(steps, 0.5) == Noise(0.0, quantisation(steps), 0.5)
+    measured = steps + 0.1 * np.random.default_rng(7).standard_normal(1200)
+    assert describe_command(measured, 0.5).white_rms == pytest.approx(0.1, rel=0.1)
+    for values in (np.array([1.0]), np.array([])):
+        assert describe_command(values, 0.5) == Noise(0.0, 0.0, 0.5)
+    with pytest.raises(ValueError, match="one row of finite values"):
+        describe_command(np.array([1.0, np.nan]), 0.5)

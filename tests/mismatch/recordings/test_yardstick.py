@@ -22,6 +22,8 @@ SLIPS = [
     ("shaft_speed_rad_s", 7.38 * RPM, 'unit = "rpm", scale = 0.1355'),
     ("shaft_speed_rad_s", -1.0, "sign = -1"),
     ("shaft_torque_N_m", 1e-3, 'unit = "kN m"'),
+    ("shaft_torque_N_m", 1e-6, 'unit = "MN m"'),
+    ("shaft_torque_N_m", -1 / 9806.65, 'unit = "tf m", sign = -1'),
     ("shaft_torque_N_m", 1 / 7.38, "scale = 7.38"),
     ("shaft_torque_N_m", -1.0, "sign = -1"),
     ("shaft_torque_N_m", -1e-3, 'unit = "kN m", sign = -1'),
@@ -67,6 +69,37 @@ def test_slips_are_named_and_the_advice_mends_them(
     assert len(message.splitlines()) == 1
     full = advice.replace("0.1355", "0.135501")
     load(table, f'[columns]\n{column} = {{ column = "{column}", {full} }}')
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"),
+    [
+        ("kN m", "values that are 1000 times too large for N m"),
+        ("mN m", "looks like kN m|MN m"),
+        ("uN m", "looks like MN m"),
+        ("nN m", r"values that are 1e\+09 times too small for N m"),
+    ],
+)
+def test_a_map_with_a_wrong_unit_of_torque_is_refused(
+    load: Load, calm: pd.DataFrame, unit: str, said: str
+) -> None:
+    given = f'[columns]\nshaft_torque_N_m = {{ column = "shaft_torque_N_m", unit = "{unit}" }}'
+    with pytest.raises(RecordingError, match=said):
+        load(calm, given)
+
+
+@pytest.mark.parametrize(
+    ("factor", "advice"),
+    [(1e-6, 'unit = "MN"'), (1 / 9806.65, 'unit = "tf"'), (1e3, "scale = 0.001")],
+)
+def test_thrust_of_another_order_of_magnitude_is_refused(
+    load: Load, frigate: Ship, factor: float, advice: str
+) -> None:
+    table = simulate_recording(frigate, voyage(frigate).assign(thrust_N=0.0))
+    load(table[["time_s", *COLUMNS, "thrust_N"]])
+    with pytest.raises(RecordingError, match="thrust_N looks like") as refused:
+        load(table.assign(thrust_N=factor * table["thrust_N"]))
+    assert advice in str(refused.value)
 
 
 @pytest.mark.parametrize("begins", [0.0, -0.9], ids=["from-rest", "astern"])
