@@ -141,9 +141,10 @@ def _torque_read(ship: Ship, table: pd.DataFrame) -> Any:
     torque = table[column].to_numpy(np.float64)
     if not read_at_drive(ship):
         return torque
+    shaft_speed = table[READINGS[0]].to_numpy(np.float64)
     if ship.has_voltage:
-        torque = torque_of_current(ship, torque)
-    return torque_of_drive(ship, torque, table[READINGS[0]].to_numpy(np.float64))
+        torque = torque_of_current(ship, torque, shaft_speed)
+    return torque_of_drive(ship, torque, shaft_speed)
 
 
 def follow_table(observer: Observer, ship: Ship, table: pd.DataFrame) -> pd.DataFrame:

@@ -26,7 +26,7 @@ from .base import ObserverError
 
 Floats = NDArray[np.float64]
 
-_LATE = ("torque_delay_s", "speed_delay_s", "speed_log_lag_s")  # of its [sensors]
+_LATE = ("torque_delay_s", "speed_delay_s", "speed_lag_s", "speed_log_lag_s")  # of its [sensors]
 
 _OF_THE_INFLOW = (
     "hull.wake_fraction", "hull.wake_slope_s_m", "hull.wake_reference_speed_m_s", "hull.current_m_s",

@@ -7,6 +7,7 @@ the torque that is told, less friction; and what that drives is the whole line.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,9 @@ def _less_friction(plant: Record, brake: Floats, shaft_speed: Floats, found: Flo
     for k in range(len(brake)):
         lost = load_torque(plant, 0.0, shaft_speed[k])
         found[k] = drive_torque(plant, brake[k], shaft_speed[k]) - lost
+        # what grows with the load is part of it: of a steady shaft, exactly
+        carried = math.copysign(plant.load_friction, found[k] * shaft_speed[k])
+        found[k] /= 1.0 + carried
 
 
 def torque_of_drive(ship: Ship, brake_torque: Floats, shaft_speed: Floats) -> Floats:
@@ -58,13 +62,15 @@ def torque_of_drive(ship: Ship, brake_torque: Floats, shaft_speed: Floats) -> Fl
 
 
 @compiled
-def _of_currents(plant: Record, current: Floats, found: Floats) -> None:
+def _of_currents(plant: Record, current: Floats, shaft_speed: Floats, found: Floats) -> None:
     for k in range(len(current)):
-        found[k] = with_offset(plant, motor_torque(plant, current[k]))
+        turning = plant.gear_ratio * shaft_speed[k]
+        found[k] = with_offset(plant, motor_torque(plant, current[k], turning))
 
 
-def torque_of_current(ship: Ship, current: Floats) -> Floats:
-    """Torque [N m] of a motor by its current [A], each of shape (n,)."""
+def torque_of_current(ship: Ship, current: Floats, shaft_speed: Floats) -> Floats:
+    """Torque [N m] of a motor by its current [A] and the shaft's speed [rad/s], each of shape (n,)."""
     found = np.empty(len(current))
-    _of_currents(ship.record(), np.ascontiguousarray(current, np.float64), found)
+    current, speed = (np.ascontiguousarray(x, np.float64) for x in (current, shaft_speed))
+    _of_currents(ship.record(), current, speed, found)
     return found

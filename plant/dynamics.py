@@ -24,7 +24,14 @@ from .manoeuvring import (
 )
 from .propeller import propeller_load
 from .rudder import rudder_angle, rudder_forces, rudder_rate
-from .shaft import brake_torque_of, drive_torque, gauge_torque, load_torque, shaft_inertia
+from .shaft import (
+    brake_torque_of,
+    drive_torque,
+    gauge_torque,
+    load_friction,
+    load_torque,
+    shaft_inertia,
+)
 from .state import (
     AIR,
     LAGGING,
@@ -114,6 +121,7 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     heard = Heard(
         omega, state.ship_speed, blade, inputs.pitch_command, demand, kinematic,
         submergence, inputs.time, state.sway_speed, state.yaw_rate, state.heading, rudder,
+        state.shaft_angle,
     )  # fmt: skip
     if plant.term_early > 0:
         before = added_before(plant, heard, states, inputs.outside)
@@ -157,6 +165,8 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         yaw_moment = yaw_moment + more.yaw_moment
         added_pitch_rate = more.pitch_rate
         term_rate_1, term_rate_2, term_rate_3 = more.rate_1, more.rate_2, more.rate_3
+    if plant.load_friction != 0.0:
+        drive = drive - load_friction(plant, load_behind, omega)
     push = plant.propellers * (1.0 - plant.thrust_deduction) * thrust  # eq. 2-6
     brake_torque = mover.brake_torque
     if plant.speed_held != 0:

@@ -34,6 +34,10 @@ class Sensors(Section):
     speed_delay_s: float = effect(
         0.0, "delay of the shaft speed's signal", "s", record="speed_sensor_delay", ge=0, le=6
     )
+    speed_lag_s: float = effect(
+        0.0, "first-order lag of the shaft speed's signal", "s", record="speed_sensor_lag",
+        ge=0, le=60,
+    )  # fmt: skip
     speed_log_lag_s: float = effect(
         0.0, "first-order lag of the speed log", "s", record="speed_log_lag", needs="moves",
         ge=0, le=600,
@@ -57,6 +61,8 @@ MEMORY = np.dtype(
         ("speed_log", np.float64),  # reading of the speed log [m/s]
         ("shaft_torque", np.float64),  # reading of the torque gauge [N m]
         ("shaft_speed", np.float64),  # reading of the shaft's speed sensor [rad/s]
+        ("speed", np.float64, (2,)),  # of the shaft, at this step's start and the last's [rad/s]
+        ("lagged_speed", np.float64, (2,)),  # behind the sensor's lag, likewise [rad/s]
         ("pitch_ratio", np.float64),  # reading of the pitch sensor [-]
         ("cursor", np.int64),
         ("demands", np.float64, (HISTORY,)),
@@ -76,6 +82,21 @@ def _delayed(line: Any, cursor: int, delay_steps: float) -> float:
     newer = line[(cursor - whole) % HISTORY]
     older = line[(cursor - whole - 1) % HISTORY]
     return float(newer + part * (older - newer))
+
+
+@compiled
+def _lagged(lagged: float, before: float, now: float, steps: float) -> float:
+    """Output of a first-order lag a step later, exact for an input that runs in a straight line.
+
+    Args:
+        lagged: output at the step's start.
+        before: input at its start.
+        now: input at its end.
+        steps: length of the step in time constants.
+    """
+    stays = math.exp(-steps)
+    mean = (1.0 - stays) / steps
+    return stays * lagged + (mean - stays) * before + (1.0 - mean) * now
 
 
 @compiled
@@ -120,6 +141,12 @@ def read_instruments(
         memory.torques[memory.cursor % HISTORY] = torque
         torque = _delayed(memory.torques, memory.cursor, plant.torque_sensor_delay / dt)
     memory.shaft_torque = torque_read(plant, torque)
+    if plant.speed_sensor_lag > 0.0:
+        memory.speed[0] = shaft_speed
+        shaft_speed = _lagged(
+            memory.lagged_speed[1], memory.speed[1], shaft_speed, dt / plant.speed_sensor_lag
+        )
+        memory.lagged_speed[0] = shaft_speed
     if plant.speed_sensor_delay > 0.0:
         memory.speeds[memory.cursor % HISTORY] = shaft_speed
         shaft_speed = _delayed(memory.speeds, memory.cursor, plant.speed_sensor_delay / dt)
@@ -131,6 +158,7 @@ def end_step(plant: Record, memory: Record, ship_speed: float, dt: float) -> Non
     """Count the step, let the rack stand and the speed log follow."""
     memory.rack_start = memory.rack_middle = memory.rack
     memory.cursor += 1
+    memory.speed[1], memory.lagged_speed[1] = memory.speed[0], memory.lagged_speed[0]
     if plant.speed_log_lag > 0.0:
         share = 1.0 - math.exp(-dt / plant.speed_log_lag)
         memory.speed_log += share * (ship_speed - memory.speed_log)
@@ -148,5 +176,6 @@ def settle(
     memory.demands[:] = demand
     memory.torques[:] = outputs.shaft_torque
     memory.speeds[:] = state.shaft_speed
+    memory.speed[:] = memory.lagged_speed[:] = state.shaft_speed
     memory.speed_log = state.ship_speed
     read_instruments(plant, memory, state.shaft_speed, outputs, dt)

@@ -45,6 +45,10 @@ class Transmission(Section):
         0.0, "viscous friction before the gauge", "N m s/rad", record="viscous_engine_side",
         needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
+    load_friction_fraction: float = effect(
+        0.0, "friction of gears and bearings before the gauge that grows with the torque they carry: "
+        "Coulomb friction per load torque", record="load_friction", needs=FREE, ge=0, le=0.9,
+    )  # fmt: skip
     arctangent_friction_engine_side_N_m: float = effect(
         0.0, "k atan(s omega) before the gauge: k", "N m", record="arctangent_friction",
         needs=FREE, ge=0, le=1e7,
@@ -67,7 +71,7 @@ class Transmission(Section):
 
 
 @compiled
-def friction_torque(plant: Record, coulomb: float, viscous: float, shaft_speed: Real) -> Real:
+def friction_torque(plant: Record, coulomb: Real, viscous: float, shaft_speed: Real) -> Real:
     """Coulomb and viscous friction [N m] that oppose the rotation.
 
     Args:
@@ -108,6 +112,22 @@ def arctangent_friction(plant: Record, shaft_speed: Real) -> Real:
     It is the last term of eq. 2 of Pivano et al. 2008, whose first one is Coulomb friction here.
     """
     return plant.arctangent_friction * np.arctan(plant.arctangent_slope * shaft_speed)
+
+
+@compiled
+def load_friction(plant: Record, load: Real, shaft_speed: Real) -> Real:
+    """Friction [N m] of gears and bearings in proportion to the torque that they carry.
+
+    Torque-dependent friction of drive trains, as in the extended models of Duclusaud et al. 2025
+    (arXiv 2410.08650): ``load_friction |load|`` against the rotation.
+
+    Args:
+        plant: ship record.
+        load: torque behind the gauge, inertia apart [N m].
+        shaft_speed: omega [rad/s].
+    """
+    size = load if load.real >= 0.0 else -load
+    return friction_torque(plant, plant.load_friction * size, 0.0, shaft_speed)
 
 
 @compiled

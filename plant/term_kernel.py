@@ -38,6 +38,7 @@ class Heard(NamedTuple):
     yaw_rate: Real
     heading: Real
     rudder_angle: Real
+    shaft_angle: Real
 
 
 class Loaded(NamedTuple):
@@ -164,7 +165,7 @@ def _signals(
     of_type = 0.0 * (
         heard.shaft_speed + heard.ship_speed + heard.pitch_ratio + heard.pitch_command + heard.drive
         + heard.advance_velocity + heard.submergence + heard.time + heard.sway_speed
-        + heard.yaw_rate + heard.heading + heard.rudder_angle + loaded.thrust
+        + heard.yaw_rate + heard.heading + heard.rudder_angle + heard.shaft_angle + loaded.thrust
         + states[0] + states[1] + states[2] + outside[0]
     )  # fmt: skip
     return (
@@ -172,6 +173,7 @@ def _signals(
         of_type + heard.pitch_command, of_type + heard.drive, of_type + heard.advance_velocity,
         of_type + heard.submergence, of_type + heard.time, of_type + heard.sway_speed,
         of_type + heard.yaw_rate, of_type + heard.heading, of_type + heard.rudder_angle,
+        of_type + heard.shaft_angle,
         of_type + loaded.thrust,
         of_type + loaded.propeller_torque, of_type + loaded.brake_torque,
         of_type + loaded.resistance, of_type + loaded.pitch_rate,

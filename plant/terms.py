@@ -70,6 +70,7 @@ TERM_SIGNALS = {
     "yaw_rate": "to starboard [rad/s]",
     "heading": "to starboard of the first course [rad]",
     "rudder_angle": "positive turns to starboard [rad]",
+    "shaft_angle": "turned since the start, or as measured at first [rad]",
     "thrust": "of one propeller, by its curves [N]",
     "propeller_torque": "M_p, by its curves [N m]",
     "brake_torque": "M_b, by the prime mover's own equations [N m]",

@@ -214,7 +214,7 @@ def _conditions(ship: Ship) -> Iterator[tuple[float, ...]]:
             pitch_command=pitch, drive=share * _top_demand(ship),
             advance_velocity=2.0 * share * speed * (1.0 - ship.hull.wake_fraction),
             submergence=depth, time=0.0, sway_speed=0.0, yaw_rate=0.0, heading=0.0,
-            rudder_angle=0.0,
+            rudder_angle=0.0, shaft_angle=0.0,
         )  # fmt: skip
 
 

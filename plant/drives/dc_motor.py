@@ -17,6 +17,10 @@ from ..validity import Validity
 from .prime_mover import PrimeMover, end_stops, fill_two_way, torque_offset, with_offset
 
 
+SWITCHED_ON = 1e-3
+"""Share of its end stop that a voltage demanded has at least, not to be a switch that is off."""
+
+
 class DcMotor(PrimeMover):
     """Direct-current motor driven by a voltage."""
 
@@ -65,6 +69,14 @@ class DcMotor(PrimeMover):
     reverse_torque_fraction: float = effect(
         1.0, "torque constant at negative current / at positive", record="reverse_torque_fraction",
         gt=0, le=2,
+    )  # fmt: skip
+    open_circuit_fraction: float = effect(
+        0.0, "share of its current that the armature lacks while no voltage is demanded: 1 is an open "
+        "switch, 0 a short circuit that brakes", record="open_circuit_fraction", ge=0, le=1,
+    )  # fmt: skip
+    braking_loss_fraction: float = effect(
+        0.0, "share of its torque that the motor lacks while it brakes: 1 is a supply that takes no "
+        "current back", record="braking_loss_fraction", ge=0, le=1,
     )  # fmt: skip
     torque_offset_N_m: float = torque_offset()
     supply_limit_V: float = effect(
@@ -124,7 +136,8 @@ def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
     Demands within ``command_dead_zone`` give none and short the armature; beyond it the dead zone is
     taken off. The supply gives no more than ``supply_limit``, and lets its voltage go as far as it takes
     to hold the current at ``supply_current_limit``; a soft one lets it go long before, by
-    ``supply_soft_current``.
+    ``supply_soft_current``. Where less than :data:`SWITCHED_ON` of its end stop is demanded, it opens
+    the circuit by ``open_circuit_fraction``: the armature is then left at its back-EMF.
     """
     voltage = demand
     if plant.command_dead_zone != 0.0:
@@ -137,19 +150,25 @@ def applied_voltage(plant: Record, demand: Real, motor_speed: Real) -> Real:
     if plant.supply_soft_current.real < math.inf:
         span = plant.armature_resistance * plant.supply_soft_current
         voltage = back + span * np.tanh((voltage - back) / span)
+    off = abs(demand.real) < SWITCHED_ON * plant.drive_max.real
+    if plant.open_circuit_fraction != 0.0 and off:
+        voltage = voltage + plant.open_circuit_fraction * (back - voltage)
     return voltage
 
 
 @compiled
-def motor_torque(plant: Record, current: Real) -> Real:
+def motor_torque(plant: Record, current: Real, motor_speed: Real) -> Real:
     """Torque [N m] of the motor: K_e i, and ``reverse_torque_fraction`` of it where i drives astern.
 
     By the sign of the current the torque has no jump; in steady running that is also the sign of
-    rotation and demand. The back-EMF stays K_e omega, so a fraction below 1 is a loss.
+    rotation and demand. The back-EMF stays K_e omega, so a fraction below 1 is a loss. Torque against
+    the rotation lacks ``braking_loss_fraction``, which has no jump either.
     """
     torque = plant.motor_constant * current
     if current.real < 0.0:
         torque = torque * plant.reverse_torque_fraction
+    if plant.braking_loss_fraction != 0.0 and current.real * motor_speed.real < 0.0:
+        torque = torque * (1.0 - plant.braking_loss_fraction)
     return torque
 
 
@@ -185,4 +204,4 @@ def drive_motor(
         rate = motor_current_rate(plant, voltage, motor_speed, current)
     else:
         current = steady_motor_current(plant, voltage, motor_speed)
-    return with_offset(plant, motor_torque(plant, current)), current, rate
+    return with_offset(plant, motor_torque(plant, current, motor_speed)), current, rate

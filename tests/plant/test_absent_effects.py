@@ -115,6 +115,9 @@ MOTOR_EFFECTS = [
     effect("direction-asymmetry", "prime_mover.reverse_torque_fraction", 0.8, 1.0),
     effect("direction-asymmetry", "propeller.astern_load_fraction", 0.8, 1.0),
     effect("torque-offset", "prime_mover.torque_offset_N_m", 0.01),
+    effect("open-circuit", "prime_mover.open_circuit_fraction", 0.5),
+    effect("braking-loss", "prime_mover.braking_loss_fraction", 0.5),
+    effect("load-friction", "transmission.load_friction_fraction", 0.1),
     effect("supply-limit", "prime_mover.supply_limit_V", 5.0, INF),
     effect("supply-limit", "prime_mover.supply_current_limit_A", 1.0, INF),
     effect("supply-limit", "prime_mover.supply_soft_current_A", 1.0, INF),
@@ -126,6 +129,7 @@ SENSOR_EFFECTS = [
     effect("torque-sensor-gain", "sensors.torque_gain", 1.05, 1.0),
     effect("torque-sensor-delay", "sensors.torque_delay_s", 0.4),
     effect("speed-sensor-delay", "sensors.speed_delay_s", 0.4),
+    effect("speed-sensor-lag", "sensors.speed_lag_s", 0.4),
     effect("speed-log-lag", "sensors.speed_log_lag_s", 10.0),
 ]
 
@@ -190,11 +194,11 @@ def test_sensor_effect_changes_readings_and_nothing_else(
 
 
 def tug_voyage(inductance: float) -> Any:
-    """Both ways, with and without an inductance, through the dead zone and to the end stop."""
+    """Both ways, with and without an inductance, switched off and to the end stop."""
     motor = {"prime_mover.armature_inductance_H": inductance, "propeller.model": "bollard"}
     tug = load_ship("tito-neri-sine").with_values(motor)
     schedule = Schedule(
-        lambda t: np.select([t < 0.3, t < 0.6, t < 0.8], [4.0, 20.0, -1.0], -6.0), 1
+        lambda t: np.select([t < 0.3, t < 0.6, t < 0.8], [4.0, 20.0, 0.0], -6.0), 1
     )
     initial = equilibrium(tug, 4.0, 1.0).state
 

@@ -116,6 +116,19 @@ def test_speed_log_follows_exactly_first_order(plant: Any, memory: Any) -> None:
     assert memory["cursor"] == 40
 
 
+def test_speed_sensor_lags_behind_a_ramp_by_its_time_constant(plant: Any, memory: Any) -> None:
+    """Of a ramp from rest a first-order lag reads a (t - T + T exp(-t / T)), at any step."""
+    settle(plant, memory, STATE._replace(shaft_speed=0.0), OUTPUTS, 22.0, DT)
+    plant["speed_sensor_lag"] = 0.3
+    for k in range(1, 60):
+        end_step(plant, memory, 8.0, DT)
+        for _ in range(2):  # seeing it twice changes nothing
+            read_instruments(plant, memory, 2.0 * k * DT, OUTPUTS, DT)
+        time = k * DT
+        expected = 2.0 * (time - 0.3 + 0.3 * math.exp(-time / 0.3))
+        assert memory["shaft_speed"] == pytest.approx(expected, rel=1e-9)
+
+
 def test_without_lag_the_log_reads_the_speed(plant: Any, memory: Any) -> None:
     end_step(plant, memory, 5.0, DT)
     assert (memory["speed_log"], memory["cursor"]) == (5.0, 1)

@@ -14,6 +14,7 @@ from shaftline.plant.shaft import (
     friction_torque,
     gauge_torque,
     inertia_behind_gauge,
+    load_friction,
     load_torque,
     quadratic_drag,
     shaft_inertia,
@@ -80,6 +81,25 @@ def test_quadratic_drag_opposes_the_rotation(plant: Any) -> None:
     assert quadratic_drag(plant, 3.0) == 0.0
     plant["quadratic_drag"] = 40.0
     assert [quadratic_drag(plant, w) for w in (-3.0, 0.0, 3.0)] == [-360.0, 0.0, 360.0]
+
+
+def test_friction_by_load_opposes_the_rotation_whatever_drives(plant: Any) -> None:
+    assert load_friction(plant, 5e4, 3.0) == 0.0
+    plant["load_friction"] = 0.1
+    assert [load_friction(plant, load, 3.0) for load in (5e4, -5e4)] == pytest.approx([5e3, 5e3])
+    assert load_friction(plant, 5e4, -3.0) == pytest.approx(-5e3)
+    slope = complex(load_friction(plant, -5e4 + 1e-30j, 3.0)).imag / 1e-30
+    assert slope == pytest.approx(-0.1)
+
+
+def test_a_shaft_that_carries_a_load_holds_it_by_its_friction(servo: Ship) -> None:
+    """Of 10 N m at the load, 2 are friction's: 12 N m raise it, 8 let it fall, between it stands."""
+    weight = {"id": "weight", "acts_on": "load_torque", "expression": "10"}
+    rig = servo.with_values({"transmission.load_friction_fraction": 0.2, "term": [weight]})
+    viscous = rig.number("transmission.viscous_friction_engine_side_N_m_s_rad").value
+    for torque, left in ((13.0, 1.0), (11.0, 0.0), (9.0, 0.0), (7.0, -1.0)):
+        run = simulate(rig, Schedule(torque, 1.0), 5.0, initial=State(1.0, 0.0, 0.0))
+        assert run["shaft_speed"][-1] == pytest.approx(left / viscous, abs=0.01 / viscous + 0.03)
 
 
 @pytest.fixture

@@ -89,6 +89,7 @@ ON_THE_TUG: list[tuple[str, dict[str, Any]]] = [
     ("torque-offset", {"prime_mover.torque_offset_N_m": 0.02}),
     ("direction-asymmetry", {"prime_mover.reverse_torque_fraction": 0.8}),
     ("direction-asymmetry", {"propeller.astern_load_fraction": 0.3}),
+    ("load-friction", {"transmission.load_friction_fraction": 0.15}),
     ("supply-limit", {"prime_mover.supply_limit_V": 6.5}),
     ("supply-limit", {"prime_mover.supply_current_limit_A": 1.0}),
     ("supply-limit", {"prime_mover.supply_soft_current_A": 2.0}),
@@ -130,6 +131,12 @@ def test_a_concealed_effect_is_named(effect: str, balance: str, values: dict[str
 @pytest.mark.parametrize(("effect", "values"), ON_THE_TUG, ids=[e for e, _ in ON_THE_TUG])
 def test_a_motor_s_concealed_effect_is_named(effect: str, values: dict[str, Any]) -> None:
     _named(diagnose(bench_tug(), tug_run(values, seed=1)), effect, "motor")
+
+
+def test_a_lag_of_the_speed_sensor_is_named_where_the_torque_is_measured() -> None:
+    """A delay as long does as well, within what the rows can tell."""
+    _named(diagnose(bench_tug(), tug_run({"sensors.speed_lag_s": 0.3}, seed=1)),
+           "speed-sensor-lag", "sensor")  # fmt: skip
 
 
 def test_ventilation_is_named_where_the_submergence_was_measured() -> None:

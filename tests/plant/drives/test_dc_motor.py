@@ -74,10 +74,29 @@ def test_current_is_what_the_back_emf_leaves() -> None:
 
 def test_torque_astern_is_a_fraction_and_has_no_jump() -> None:
     plant = tug(reverse_torque_fraction=0.8).record()
-    assert motor_torque(plant, 2.0) == 2.0 * CONSTANT
-    assert motor_torque(plant, -2.0) == pytest.approx(-2.0 * 0.8 * CONSTANT, rel=1e-15)
-    slope = complex(motor_torque(plant, -2.0 + STEP * 1j)).imag / STEP
+    assert motor_torque(plant, 2.0, 100.0) == 2.0 * CONSTANT
+    assert motor_torque(plant, -2.0, -100.0) == pytest.approx(-2.0 * 0.8 * CONSTANT, rel=1e-15)
+    slope = complex(motor_torque(plant, -2.0 + STEP * 1j, -100.0)).imag / STEP
     assert slope == pytest.approx(0.8 * CONSTANT)
+
+
+@pytest.mark.parametrize(("current", "turning"), [(2.0, -100.0), (-2.0, 100.0)])
+def test_a_supply_that_takes_nothing_back_leaves_no_brake(current: float, turning: float) -> None:
+    plant = tug(braking_loss_fraction=0.7).record()
+    assert motor_torque(plant, current, turning) == pytest.approx(0.3 * CONSTANT * current)
+    assert motor_torque(plant, current, -turning) == CONSTANT * current
+
+
+@pytest.mark.parametrize(("demand", "share"), [(0.0, 0.25), (0.009, 0.25), (0.011, 1.0), (-6.0, 1.0)])
+def test_a_switch_that_is_off_opens_the_armature(demand: float, share: float) -> None:
+    """The end stop is 10 V; of the current that a short circuit would carry a quarter is left."""
+    ship = tug(open_circuit_fraction=0.75, voltage_max_V=10.0)
+    plant, closed = ship.record(), ship.with_values({"prime_mover.open_circuit_fraction": 0.0})
+    found, short = (
+        steady_motor_current(p, applied_voltage(p, demand, 200.0), 200.0)
+        for p in (plant, closed.record())
+    )
+    assert found == pytest.approx(share * short, rel=1e-12)
 
 
 @pytest.mark.parametrize("current", [-2.0, 0.0, 3.0])
