@@ -106,10 +106,14 @@ class TrialShip:
         """The kernels' record of the ship with some effects on it."""
         host = self.host(effects)
         plant = self.nominal.copy() if host is self.ship else host.record()
+        self.write(plant, effects)
+        return plant
+
+    def write(self, plant: Any, effects: tuple[Placed, ...]) -> None:
+        """Put the values of some effects into the record of a ship that carries their terms."""
         for placed in effects:
             for key, value in self.settings(placed).items():
                 self._number(effects, key).write(plant, value)
-        return plant
 
     def corrected(self, effects: tuple[Placed, ...]) -> Ship:
         """The ship with some effects on it, and a shorter time step where they ask for one."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -135,17 +135,21 @@ class JointReplay:
         return np.ascontiguousarray(plain).view(SAMPLE).ravel()
 
     def channels_of(
-        self, plant: Any, shift: tuple[float, ...] = UNMOVED
+        self,
+        plant: Any,
+        shift: tuple[float, ...] = UNMOVED,
+        each: Sequence[tuple[float, ...]] = (),
     ) -> dict[str, NDArray[np.float64]]:
         """The measured channels of a simulation alone, as :meth:`simulated` gives them.
 
         Args:
             plant: ship record.
             shift: as of :meth:`simulate`.
+            each: the shift of each recording instead.
         """
         parts = [
             {c: blocks(samples[MEASURED[c]].copy(), self.every) for c in self.channels}
-            for samples in self._sailed(plant, shift, self.simulate_into)
+            for samples in self._sailed(plant, shift, self.simulate_into, each)
         ]
         return {c: np.concatenate([part[c] for part in parts]) for c in self.channels}
 
@@ -176,11 +180,15 @@ class JointReplay:
                 yield other
 
     def _sailed(
-        self, plant: Any, shift: tuple[float, ...], simulate: Callable[..., NDArray[Any]]
+        self,
+        plant: Any,
+        shift: tuple[float, ...],
+        simulate: Callable[..., NDArray[Any]],
+        each: Sequence[tuple[float, ...]] = (),
     ) -> Iterator[NDArray[Any]]:
-        for run in self.runs:
-            start = tuple(a + b for a, b in zip(run.start, shift[:3], strict=True))
-            yield simulate(run, plant, start + shift[3:])
+        for run, own in zip(self.runs, each or [shift] * len(self.runs), strict=True):
+            start = tuple(a + b for a, b in zip(run.start, own[:3], strict=True))
+            yield simulate(run, plant, start + own[3:])
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
         """Samples at one recording's rows.

@@ -1,0 +1,1 @@
+"""Parameters and physics found together: every candidate model is refitted as a whole, in simulation."""

@@ -1,0 +1,412 @@
+"""Output error: a ship with some effects on it, fitted to the channels that were measured.
+
+What is compared is the free-running simulation and each measured channel, row by row. Numbers of the
+ship's file, the first state, the skew between the channels' clocks and the values of the effects are all
+free at once, each with its prior. The likelihood is
+
+    2 log L = -sum over channels of N_c log(mean w e^2) - what the priors say,
+
+``N_c`` the rows' number less what their neighbours repeat, ``w`` small where a row lies far from what the
+richest model says (Huber 1964). Gauss and Newton's steps are taken over fixed differences in scaled
+coordinates, inside bounds: relative steps vanish at neutral values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..search.placed import Placed
+from ..search.trial_ship import TrialShip
+from ..simulate.at_once import at_once
+from ..simulate.balances import Balances
+from ..simulate.tolerances import START
+from .doubts import Doubt, doubts_of
+
+Floats = NDArray[np.float64]
+Segments = Sequence[tuple[int, int]]
+
+SKEW_ROWS = 0.29
+"""Standard deviation of the shift of a channel's clock, in rows: evenly likely up to half a row."""
+
+START_LOOSE = 0.01
+"""Precision of a first state's shift in the deviations of :data:`START`: ten of them, for what is read
+behind a lag is another thing than the state."""
+
+FIRST_ROWS = 100
+"""From which the first state of a recording is told that was not fitted, at most."""
+
+HUBER = 3.0
+"""Deviations beyond which a row counts less, in 1.48 times the median of all."""
+
+STEP_SHARE, STEP_SIZE = 0.01, 0.02
+"""Differences over which a number of the file, by its logarithm, and a value of an effect, as a share of
+where it is first tried, are felt."""
+
+FIXED = 1e12
+"""Precision of what does not move."""
+
+SMOOTHED = 1.0
+"""Width over which a spectrum of n rows is smoothed, in the square root of n frequencies."""
+
+MOST_STEPS = 14
+"""Of Gauss and Newton."""
+
+SETTLED = 0.02
+"""Gain in 2 log L of a step below which no other is taken."""
+
+LEAST_NOISE = 0.5
+"""Times a channel's white noise that a model's error counts at least."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A fitted ship.
+
+    Args:
+        effects: with their values.
+        numbers: how far each doubtful number has moved, shape (doubts,).
+        nuisance: shift of the first pitch ratio, shaft speed and ship speed of each recording, in
+            deviations, and then of each channel's clock, in rows; shape (3 recordings + channels,).
+        score: 2 log L with the priors [-].
+        error: measured minus simulated on the fitted rows, shape (channels, rows).
+        columns: what each free value moves there, shape (free values, channels, rows).
+        precision: of each free value's prior, 0 where it has none; shape (free values,).
+    """
+
+    effects: tuple[Placed, ...]
+    numbers: Floats
+    nuisance: Floats
+    score: float
+    error: Floats = field(repr=False)
+    columns: Floats = field(repr=False)
+    precision: Floats = field(repr=False)
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Of its effects."""
+        return frozenset(placed.effect.label for placed in self.effects)
+
+    @property
+    def size(self) -> int:
+        """How many values its effects have."""
+        return sum(len(placed.values) for placed in self.effects)
+
+
+class OutputError:
+    """Fits ships to some rows of recordings.
+
+    Args:
+        balances: of ship and recordings.
+        fitted: rows that may be fitted.
+    """
+
+    def __init__(self, balances: Balances, fitted: Segments) -> None:
+        self.replay = balances.replay
+        self.trial_ship = TrialShip(balances)
+        self.doubts: list[Doubt] = doubts_of(self.replay)
+        self.names = list(self.replay.channels)
+        self.rows = np.concatenate([np.arange(a, b) for a, b in fitted])
+        self.simulations = 0
+        ship = self.replay.ship
+        shaft = max(abs(self.replay.start[1]), 1.0)
+        start = [
+            START["pitch_ratio"] if self.replay.controllable else 0.0,
+            START["shaft_speed"] * shaft if ship.turns_freely else 0.0,
+            START["ship_speed"] if ship.moves else 0.0,
+        ]
+        self.starts = np.tile(start, len(self.replay.runs))
+        self._measured = np.array([self.replay.recorded[c] for c in self.names])
+        self._floor = np.array([LEAST_NOISE * self.replay.noise_rms[c] for c in self.names])
+        self._floor += 1e-9 * np.abs(self._measured).max(axis=1) + 1e-300
+        self.weights = np.ones((len(self.names), len(self.rows)))
+        self.counts = np.full(len(self.names), float(len(self.rows)))
+
+    def record(self, effects: tuple[Placed, ...], numbers: Floats) -> Any:
+        """Ship record with the doubtful numbers moved and effects on it, which have the last word."""
+        plant = self.trial_ship.host(effects).record()
+        for doubt, moved in zip(self.doubts, numbers, strict=True):
+            doubt.write(plant, doubt.at(float(moved)))
+        self.trial_ship.write(plant, effects)
+        return plant
+
+    def channels(
+        self, effects: tuple[Placed, ...], numbers: Floats, nuisance: Floats
+    ) -> tuple[Floats, Floats]:
+        """Simulated channels on all rows and their rate by row, each of shape (channels, rows)."""
+        self.simulations += 1
+        count = len(self.starts)
+        shifts = [tuple(map(float, one)) for one in (nuisance[:count] * self.starts).reshape(-1, 3)]
+        found = self.replay.channels_of(self.record(effects, numbers), each=shifts)
+        values = np.array([found[c] for c in self.names])
+        slopes = np.zeros_like(values)
+        for a, b in self.replay.segments:
+            if b - a > 1:
+                slopes[:, a:b] = np.gradient(values[:, a:b], axis=1)
+        return values + nuisance[count:, None] * slopes, slopes
+
+    def held_error(self, model: Model, rows: NDArray[np.int64]) -> Floats:
+        """Rms of measured minus simulated over some rows, by channel, in the channels' noise."""
+        nuisance = self._started(model)
+        values, _ = self.channels(model.effects, model.numbers, nuisance)
+        error = (self._measured - values)[:, rows]
+        if not np.isfinite(error).all():
+            return np.full(len(self.names), math.inf)
+        return np.asarray(np.hypot(np.sqrt(np.mean(error**2, axis=1)), self._floor))
+
+    def _started(self, model: Model) -> Floats:
+        """A model's nuisance with the first states of recordings that were not fitted.
+
+        They are told by those recordings' first rows: where an instrument lags, what it reads first is
+        not what the ship does.
+        """
+        nuisance, scale = model.nuisance.copy(), 0.3
+        for run, (a, b) in enumerate(self.replay.segments):
+            if np.any((self.rows >= a) & (self.rows < b)):
+                continue
+            first = slice(a, a + max(2, min(FIRST_ROWS, (b - a) // 4)))
+            own = [3 * run + k for k in range(3) if self.starts[3 * run + k] > 0.0]
+            for _ in range(3):
+                here, _ = self.channels(model.effects, model.numbers, nuisance)
+                columns = []
+                for k in own:
+                    moved = nuisance.copy()
+                    moved[k] += scale
+                    there, _ = self.channels(model.effects, model.numbers, moved)
+                    columns.append(((there - here)[:, first] / scale).ravel())
+                lacking = (self._measured - here)[:, first].ravel()
+                if not np.isfinite(columns).all() or not np.isfinite(lacking).all():
+                    break
+                nuisance[own] += np.linalg.lstsq(np.transpose(columns), lacking, rcond=1e-9)[0]
+        return nuisance
+
+    def nothing(self) -> Model:
+        """The ship as its file has it, not yet fitted."""
+        none = np.zeros(0)
+        return Model(
+            (), np.zeros(len(self.doubts)), np.zeros(len(self.starts) + len(self.names)), -math.inf,
+            none, none, none,
+        )  # fmt: skip
+
+    def score(
+        self, error: Floats, numbers: Floats, nuisance: Floats, guessed: bool = False
+    ) -> float:
+        """2 log L of errors on the fitted rows, with what the priors say."""
+        if not np.isfinite(error).all():
+            return -math.inf
+        said = -float(np.sum(self.counts * np.log(self._power(error))))
+        said -= sum(d.penalty(float(x), guessed) for d, x in zip(self.doubts, numbers, strict=True))
+        return said - float(np.sum(self._loose() * nuisance**2))
+
+    def _power(self, error: Floats) -> Floats:
+        """Weighted mean square of errors by channel."""
+        mean = np.sum(self.weights * error**2, axis=1) / np.sum(self.weights, axis=1)
+        return np.asarray(mean + self._floor**2)
+
+    def _loose(self) -> Floats:
+        """Precision of the nuisance's priors; of what cannot move as good as infinite."""
+        starts = np.where(self.starts > 0.0, START_LOOSE, FIXED)
+        return np.concatenate([starts, np.full(len(self.names), SKEW_ROWS**-2.0)])
+
+    def fit(self, effects: tuple[Placed, ...], begin: Model) -> Model:
+        """Fit all free values together, the numbers near where they are, and once as if all were guessed.
+
+        Args:
+            effects: at the values from which they start.
+            begin: a model whose numbers and nuisance are the start.
+        """
+        near = self._descended(effects, begin)
+        wide = self._descended(effects, begin, guessed=True)
+        far = self._descended(wide.effects, wide)
+        return max(near, far, key=lambda model: model.score)
+
+    def guessed(self, effects: tuple[Placed, ...], begin: Model) -> Model:
+        """The same as if all numbers had been guessed."""
+        return self._descended(effects, begin, guessed=True)
+
+    def _descended(
+        self, effects: tuple[Placed, ...], begin: Model, guessed: bool = False
+    ) -> Model:
+        """Gauss and Newton's steps to a nearby maximum, if so asked with the far priors alone."""
+        search = _Coordinates(self, effects, begin)
+        point, (values, slopes) = search.start, self.channels(effects, begin.numbers, begin.nuisance)
+        error = (self._measured - values)[:, self.rows]
+        score = self.score(error, begin.numbers, begin.nuisance, guessed)
+        columns, precision = np.zeros((len(point), *error.shape)), search.precision(point, guessed)
+        damping = 0.0
+        for _ in range(MOST_STEPS):
+            if not math.isfinite(score):
+                break
+            columns = self._columns(search, point, values, slopes)
+            precision = search.precision(point, guessed)
+            scaled = self.scaled(error)
+            lhs, rhs = self._normal(columns, error, scaled, precision, point)
+            better = None
+            for _ in range(6):
+                step = np.linalg.lstsq(
+                    lhs + damping * np.diag(np.diag(lhs)), rhs, rcond=1e-12
+                )[0]
+                trial = search.inside(point + step)
+                moved = search.split(trial)
+                found = self.channels(*moved)
+                wrong = (self._measured - found[0])[:, self.rows]
+                gained = self.score(wrong, moved[1], moved[2], guessed) - score
+                if gained > 0.0:
+                    better = (trial, found, wrong)
+                    break
+                damping = max(10.0 * damping, 1e-2)
+            if better is None:
+                break
+            point, (values, slopes), error = better
+            score += gained
+            damping *= 0.1
+            if gained < SETTLED:
+                break
+        placed, numbers, nuisance = search.split(point)
+        return Model(placed, numbers, nuisance, score, error, columns, precision)
+
+    def scaled(self, error: Floats) -> Floats:
+        """Square roots of the weights with which rows enter a least-squares problem at some errors."""
+        share = self.counts / np.sum(self.weights, axis=1) / self._power(error)
+        return np.sqrt(self.weights * share[:, None])
+
+    @staticmethod
+    def _normal(
+        columns: Floats, error: Floats, scaled: Floats, precision: Floats, point: Floats
+    ) -> tuple[Floats, Floats]:
+        flat = (columns * scaled).reshape(len(columns), -1)
+        wanted = (error * scaled).ravel()
+        return flat @ flat.T + np.diag(precision), flat @ wanted - precision * point
+
+    def _columns(
+        self, search: _Coordinates, point: Floats, values: Floats, slopes: Floats
+    ) -> Floats:
+        """What each coordinate moves of the simulated channels on the fitted rows."""
+        steps = search.steps
+        felt = np.flatnonzero(steps > 0.0)
+
+        def moved(k: int) -> Floats:
+            trial = point.copy()
+            trial[k] += steps[k]
+            inside = search.inside(trial)
+            if inside[k] == point[k]:  # at its bound: felt the other way
+                trial[k] = point[k] - steps[k]
+                inside = search.inside(trial)
+            change = inside[k] - point[k]
+            if change == 0.0:
+                return np.zeros((len(self.names), len(self.rows)))
+            found, _ = self.channels(*search.split(inside))
+            column = ((found - values) / change)[:, self.rows]
+            return column if np.isfinite(column).all() else np.zeros_like(column)
+
+        columns = np.zeros((len(point), len(self.names), len(self.rows)))
+        for k, column in zip(felt, at_once(moved, felt), strict=True):
+            columns[k] = column
+        for c in range(len(self.names)):  # a clock's shift moves its own channel by its rate
+            columns[search.skew + c, c] = slopes[c, self.rows]
+        return columns
+
+    def heed(self, model: Model) -> None:
+        """Take from a model what its errors are: which rows are far off, and how many tell something."""
+        deviation = np.median(np.abs(model.error), axis=1, keepdims=True) / 0.6745
+        limit = HUBER * np.hypot(deviation, self._floor[:, None])
+        with np.errstate(divide="ignore"):
+            self.weights = np.minimum(1.0, limit / np.abs(model.error))
+        free = model.columns[model.precision < FIXED]
+        self.counts = np.array(
+            [_telling(error, free[:, c]) for c, error in enumerate(model.error)]
+        )
+
+    def rescored(self, model: Model) -> Model:
+        """The same model under the weights and numbers of rows that hold now."""
+        return replace(model, score=self.score(model.error, model.numbers, model.nuisance))
+
+
+class _Coordinates:
+    """All free values of a model on one scale: numbers, nuisance, values of effects."""
+
+    def __init__(self, owner: OutputError, effects: tuple[Placed, ...], begin: Model) -> None:
+        self._owner, self._effects = owner, effects
+        self._count = len(owner.doubts)
+        self.skew = self._count + len(owner.starts)
+        self._edge = self.skew + len(owner.names)
+        trial_ship = owner.trial_ship
+        set_by = {key for placed in effects for key in trial_ship.settings(placed)}
+        self._origins, self._scales, self._low, self._high = [], [], [], []
+        start = [*begin.numbers, *begin.nuisance]
+        for placed in effects:
+            for parameter, value in placed.pairs:
+                origin = trial_ship.origin(parameter)
+                low, high = trial_ship.range_of(parameter)
+                size = abs(value - origin) or abs(value) or 1.0
+                self._origins.append(origin)
+                self._scales.append(size)
+                self._low.append((low - origin) / size)
+                self._high.append((high - origin) / size)
+                start.append((value - origin) / size)
+        self.start = np.array(start, np.float64)
+        steps = np.zeros(len(start))
+        for k, doubt in enumerate(owner.doubts):
+            if doubt.key not in set_by:
+                steps[k] = STEP_SHARE if doubt.share else 0.3 * doubt.near
+        for run, (a, b) in enumerate(owner.replay.segments):
+            fitted = bool(np.any((owner.rows >= a) & (owner.rows < b)))
+            own = slice(self._count + 3 * run, self._count + 3 * run + 3)
+            steps[own] = np.where((owner.starts[3 * run : 3 * run + 3] > 0.0) & fitted, 0.3, 0.0)
+        steps[self._edge :] = STEP_SIZE
+        self.steps = steps
+
+    def precision(self, point: Floats, guessed: bool) -> Floats:
+        """Of the priors; what an effect sets in a number's stead does not move."""
+        found = np.zeros(len(point))
+        for k, doubt in enumerate(self._owner.doubts):
+            found[k] = doubt.precision(float(point[k]), guessed) if self.steps[k] > 0.0 else FIXED
+        found[self._count : self._edge] = self._owner._loose()  # noqa: SLF001
+        return found
+
+    def inside(self, point: Floats) -> Floats:
+        """The nearest point within the bounds."""
+        found = point.copy()
+        found[: self._count] = np.clip(found[: self._count], -5.0, 5.0)
+        found[self.skew : self._edge] = np.clip(found[self.skew : self._edge], -0.5, 0.5)
+        found[self._edge :] = np.clip(found[self._edge :], self._low, self._high)
+        return found
+
+    def split(self, point: Floats) -> tuple[tuple[Placed, ...], Floats, Floats]:
+        """Effects with their values, numbers, nuisance."""
+        values = np.array(self._origins) + np.array(self._scales) * point[self._edge :]
+        placed, begin = [], 0
+        for one in self._effects:
+            end = begin + len(one.values)
+            placed.append(one.with_values(values[begin:end]))
+            begin = end
+        return tuple(placed), point[: self._count], point[self._count : self._edge]
+
+
+def _telling(error: Floats, columns: Floats) -> float:
+    """How many independent rows some errors are worth to what a model's values move.
+
+    A value's variance is that of independent errors times ``sum S |J|^2 / (mean S sum |J|^2)``, S being
+    the errors' spectrum, smoothed, and J what the value moves: errors that drift slowly say little
+    against what answers fast.
+
+    Args:
+        error: of one channel, shape (rows,).
+        columns: what each value moves there, shape (values, rows).
+    """
+    rows = len(error)
+    size = 1 << (2 * rows - 1).bit_length()
+    power = np.abs(np.fft.rfft(error - error.mean(), size)) ** 2
+    width = max(3, round(SMOOTHED * math.sqrt(rows) * size / rows / 2.0))
+    smooth = np.convolve(power, np.ones(width) / width, mode="same")
+    moved = np.abs(np.fft.rfft(columns - columns.mean(axis=1, keepdims=True), size, axis=1)) ** 2
+    heard = moved.sum(axis=1)
+    if not np.any(heard > 0.0) or smooth.sum() == 0.0:
+        return float(rows)
+    worth = smooth.mean() * heard[heard > 0.0] / (moved[heard > 0.0] @ smooth)
+    return float(rows * min(1.0, np.median(worth)))

@@ -1,0 +1,290 @@
+"""Which effects, and with them which numbers: a beam of models, each refitted as a whole.
+
+A quick pass comes first and looks for the richest model alone: how many independent rows a recording
+has, and which of them are far off, cannot be told from a model that lacks something. The thorough pass
+then begins anew. From each model of its beam it tries what a straight line through the refitted model
+foretells to help most, and pairs that help together; each is fitted with everything else free. Of each
+that is found, forms that are simpler are visited as well.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..progress import Tick
+from ..search.effect import Effect
+from ..search.placed import Placed
+from ..search.selection import threshold
+from .output_error import Model, OutputError
+
+Floats = NDArray[np.float64]
+Fitting = Callable[[tuple[Placed, ...], Model], Model]
+
+
+class Effort(NamedTuple):
+    """How much a pass tries from each model of its beam."""
+
+    kinds: int  # pieces of physics
+    starts: int  # values at which each is begun
+    pairs: int  # of them together
+    beam: int  # models that are kept
+    most: int  # effects of a model
+
+
+QUICK = Effort(kinds=4, starts=1, pairs=2, beam=1, most=3)
+THOROUGH = Effort(kinds=8, starts=2, pairs=4, beam=3, most=3)
+
+PAIRED = 14
+"""Effects of a screen, the best first, of which pairs are looked at."""
+
+IDLE = 0.5
+"""Gain in 2 log L foretold below which an effect is not tried."""
+
+FINALISTS = 24
+"""Models that are judged on the data set aside, the most worth first."""
+
+NEAR_BEST = 1.05
+"""Times the least error on data set aside that a simpler model may have and still be chosen."""
+
+
+@dataclass(frozen=True)
+class _Screened:
+    """An effect as a straight line foretells it on a model.
+
+    Args:
+        starts: its best probes, with the foretold gain of each in 2 log L, the best first.
+        moved: what the best one moves, beside all that gives way; shape (rows of the problem,).
+    """
+
+    effect: Effect
+    starts: tuple[tuple[float, Placed], ...]
+    moved: Floats
+
+    @property
+    def gain(self) -> float:
+        """Foretold, of the best start."""
+        return self.starts[0][0]
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A model of the search, and what it is worth.
+
+    Args:
+        model: fitted.
+        merit: its 2 log L less what its effects and the search for them cost.
+        held: its error on the data set aside, by channel, in the channels' units.
+    """
+
+    model: Model
+    merit: float
+    held: Floats
+
+
+class StructureSearch:
+    """Searches effects and numbers together.
+
+    Args:
+        problem: the recordings' fitted rows.
+        effects: candidates; those that act for a time are left out.
+        held: rows that are set aside.
+        tick: told the stage, how much is done, and how much there is.
+    """
+
+    def __init__(
+        self, problem: OutputError, effects: list[Effect], held: NDArray[np.int64], tick: Tick
+    ) -> None:
+        self.problem = problem
+        self.effects = [effect for effect in effects if not effect.windowed]
+        self.held = held
+        self.tick = tick
+        self.pool: dict[frozenset[str], Model] = {}
+
+    def search(self) -> list[Ranked]:
+        """All models worth a look, fitted, best first."""
+        quick = self._pass(QUICK, "looking for the richest model")
+        self.problem.heed(max(quick.values(), key=lambda model: model.score))
+        self.pool = self._pass(THOROUGH, "searching physics and numbers together")
+        ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
+        return [
+            Ranked(model, self.merit(model), self.problem.held_error(model, self.held))
+            for model in ranked
+        ]
+
+    def price(self, effects: tuple[Placed, ...]) -> float:
+        """Gain in 2 log L that effects must bring together, found among so many."""
+        count = len({effect.kind for effect in self.effects})
+        ways = math.log(math.comb(count, min(len(effects), count))) if effects else 0.0
+        return 2.0 * ways + sum(threshold(p.effect, len(self.effects)) for p in effects)
+
+    def merit(self, model: Model) -> float:
+        """A model's 2 log L less its price."""
+        return model.score - self.price(model.effects)
+
+    def _pass(self, effort: Effort, stage: str) -> dict[frozenset[str], Model]:
+        fit = self.problem.fit if effort is THOROUGH else self.problem.guessed
+        first = fit((), self.problem.nothing())
+        found = {first.labels: first}
+        beam = [first]
+        for depth in range(effort.most):
+            before = max(map(self._worth(effort), found.values()))
+            trials = self._trials(beam, effort)
+            for done, (base, effects) in enumerate(trials):
+                self.tick(f"{stage}, round {depth + 1}", done, len(trials))
+                self._visit(found, effects, base, fit)
+            self.tick(f"{stage}, round {depth + 1}", len(trials), len(trials))
+            if effort is THOROUGH:
+                self._simplify(found, beam)
+            beam = sorted(found.values(), key=self._worth(effort), reverse=True)[: effort.beam]
+            if self._worth(effort)(beam[0]) <= before:
+                break
+        return found
+
+    def _worth(self, effort: Effort):  # type: ignore[no-untyped-def]
+        """What a pass orders models by: all of them cost alike until the rows have been counted."""
+        return self.merit if effort is THOROUGH else lambda model: model.score
+
+    def _visit(
+        self, found: dict[frozenset[str], Model], effects: tuple[Placed, ...], base: Model, fit: Fitting
+    ) -> Model | None:
+        """Fit a model, and keep it where it is the best of its effects."""
+        model = fit(effects, base)
+        if not math.isfinite(model.score):
+            return None
+        known = found.get(model.labels)
+        if known is None or model.score > known.score:
+            found[model.labels] = model
+        return found[model.labels]
+
+    def _simplify(self, found: dict[frozenset[str], Model], beam: list[Model]) -> None:
+        """Visit the best models with one effect less, and with simpler forms of their effects."""
+        tried = set(found)
+        for model in sorted(found.values(), key=self.merit, reverse=True)[:2]:
+            for which, placed in enumerate(model.effects):
+                rest = model.effects[:which] + model.effects[which + 1 :]
+                simpler = [rest] if rest else []
+                for form in self.effects:
+                    if form.kind == placed.effect.kind and len(form.parameters) < len(placed.values):
+                        probes = self.problem.trial_ship.trials(form, [])
+                        simpler += [
+                            other.in_place_of(model.effects, which)
+                            for other in itertools.islice(probes, 0, None, 2)
+                        ]
+                for effects in simpler:
+                    labels = frozenset(p.effect.label for p in effects)
+                    if labels not in tried or len(effects) == len(model.effects):
+                        self._visit(found, effects, model, self.problem.fit)
+
+    def _trials(self, beam: list[Model], effort: Effort) -> list[tuple[Model, tuple[Placed, ...]]]:
+        """Models to fit, from each of the beam."""
+        trials: list[tuple[Model, tuple[Placed, ...]]] = []
+        for base in beam:
+            if len(base.effects) >= effort.most:
+                continue
+            screened, left = self._screen(base)
+            kinds: dict[tuple[str, str], int] = {}
+            for one in screened:
+                forms = kinds.get(one.effect.kind, 0)
+                if forms >= effort.starts or (not forms and len(kinds) >= effort.kinds):
+                    continue
+                kinds[one.effect.kind] = forms + 1
+                for _, placed in one.starts[: effort.starts]:
+                    trials.append((base, (*base.effects, placed)))
+            if len(base.effects) + 2 <= effort.most:
+                for pair in _pairs(screened[:PAIRED], left)[: effort.pairs]:
+                    trials.append((base, (*base.effects, *pair)))
+        return trials
+
+    def _screen(self, base: Model) -> tuple[list[_Screened], Floats]:
+        """Effects that a model lacks, best first, and what it leaves beside all that gives way."""
+        problem = self.problem
+        scaled = problem.scaled(base.error)
+        flat = (base.columns * scaled).reshape(len(base.columns), -1)
+        whole = np.hstack([flat, np.diag(np.sqrt(base.precision))])
+        basis = np.linalg.qr(whole.T)[0]
+        zeros = np.zeros(len(base.columns))
+
+        def beside(column: Floats) -> Floats:
+            long = np.concatenate([(column * scaled).ravel(), zeros])
+            return np.asarray(long - basis @ (basis.T @ long))
+
+        left = beside(base.error)
+        rows = problem.rows
+        here, _ = problem.channels(base.effects, base.numbers, base.nuisance)
+        taken = {placed.effect.kind for placed in base.effects}
+        found = []
+        for effect in self.effects:
+            if effect.kind in taken:
+                continue
+            starts: list[tuple[float, Placed]] = []
+            best: tuple[float, Floats] = (-math.inf, left)
+            for placed in problem.trial_ship.trials(effect, []):
+                there, _ = problem.channels(
+                    (*base.effects, placed), base.numbers, base.nuisance
+                )
+                if not np.isfinite(there).all():
+                    continue
+                moved = beside((there - here)[:, rows])
+                power = float(moved @ moved)
+                if power < 1e-12:
+                    continue
+                along = float(left @ moved)
+                foretold = along**2 / power if along > 0.0 else 0.0
+                gain = max(foretold, 2.0 * along - power)
+                starts.append((gain, placed))
+                if gain > best[0]:
+                    best = (gain, moved)
+            starts.sort(key=lambda start: -start[0])
+            if starts and starts[0][0] > IDLE:
+                found.append(_Screened(effect, tuple(starts), best[1]))
+        return sorted(found, key=lambda one: -one.gain), left
+
+
+def _pairs(screened: list[_Screened], left: Floats) -> list[tuple[Placed, Placed]]:
+    """Pairs of effects that are foretold to help most beyond the better of the two."""
+    ranked = []
+    for one, other in itertools.combinations(screened, 2):
+        if one.effect.kind == other.effect.kind:
+            continue
+        both = np.array([one.moved, other.moved])
+        lhs, rhs = both @ both.T, both @ left
+        size = np.linalg.lstsq(lhs, rhs, rcond=1e-9)[0]
+        if np.all(size > 0.0):
+            ranked.append((float(size @ rhs), one.starts[0][1], other.starts[0][1]))
+    ranked.sort(key=lambda pair: -pair[0])
+    return [(one, other) for _, one, other in ranked]
+
+
+def total(held: Floats, best: Floats) -> float:
+    """Error on data set aside over a best one, the channels' geometric mean."""
+    return float(np.exp(np.mean(np.log(held / best)))) if np.isfinite(held).all() else math.inf
+
+
+def chosen(ranked: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
+    """The simplest model that is within :data:`NEAR_BEST` of the best on the data set aside.
+
+    Args:
+        ranked: by merit, best first; the :data:`FINALISTS` first and the best of each size run.
+
+    Returns:
+        The model, and others as good and no larger, which the recordings cannot tell from it.
+    """
+    runners = list(ranked[:FINALISTS])
+    for size in {one.model.size for one in ranked}:
+        best = next(one for one in ranked if one.model.size == size)
+        if best not in runners:
+            runners.append(best)
+    scale = runners[0].held
+    errors = [total(one.held, scale) for one in runners]
+    least = min(errors)
+    near = [one for one, error in zip(runners, errors, strict=True) if error <= NEAR_BEST * least]
+    smallest = min(one.model.size for one in near)
+    alike = [one for one in near if one.model.size == smallest]
+    return alike[0], alike[1:]
