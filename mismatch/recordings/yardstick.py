@@ -45,6 +45,8 @@ _BETTER = 0.5  # a slip must reduce the difference to this share
 _APART = 3.0  # times, from which no level is this ship's
 _STRANGE = 2  # channels that far apart
 _LEVELS = (SHAFT_SPEED, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N")
+_STANDS = 0.02  # share of what it would have moved, by which a shaft that stood still goes on
+_USUAL = 0.8  # quantile of a channel's steps from row to row that such a shaft takes at first
 _STOPPED = 0.1  # share of the rows over which a noisy channel may rest; less is warned of
 _MUST = 0.05  # share of a channel's size by which the ship moves it where a rest is no calm
 _MAGNITUDES = 30.0  # factor from which a channel that follows the ship is in another unit
@@ -263,6 +265,28 @@ class Yardstick:
             expected = f"takes {range_of(column, self.ship)}"
         return looks_like(column, slips, found, expected)
 
+    def _sticks(self, column: str, first: int, end: int, moves: float) -> bool:
+        """Whether a shaft may have stood still, held by its friction, while a channel did not move.
+
+        Then it goes on from where it stood. A sensor that was dead for a while reads where the shaft has
+        come to meanwhile.
+
+        Args:
+            column: the channel.
+            first: row from which it is constant.
+            end: one past the last.
+            moves: over how much the ship without friction moves there, in the channel's unit.
+        """
+        values = self.table[column].to_numpy()
+        if self.ship.has_diesel or not 0 < end < len(values):
+            return False
+        if column == SHAFT_SPEED and abs(values[first]) > _STANDS * np.abs(values).max():
+            return False
+        jump, steps = abs(values[end] - values[first]), np.abs(np.diff(values))
+        usual = float(np.quantile(steps[steps > 0.0], _USUAL))
+        goes_on = jump <= max(usual, _STANDS * moves) and jump <= _NAMED * moves
+        return goes_on and column in (SHAFT_SPEED, SHAFT_ANGLE)
+
     def dead(self) -> Iterator[str]:
         """Sentences on measured channels that do not move, ever or for long, although the ship must."""
         for column in self.off:
@@ -274,6 +298,8 @@ class Yardstick:
             there = self.sailed[column].to_numpy()
             moves = float(np.ptp(there[first : first + length])) if length else 0.0
             if length <= _STOPPED * len(values) or moves <= _MUST * float(np.max(np.abs(there))):
+                continue
+            if self._sticks(column, first, first + length, moves):
                 continue
             unit = BOUNDS[column][2]
             where = f"constant at {values[first]:g} {unit} in every row"

@@ -6,8 +6,8 @@ free at once, each with its prior. The likelihood is
 
     2 log L = -sum over channels of N_c log(mean w e^2) - what the priors say,
 
-``N_c`` the rows' number less what their neighbours repeat, ``w`` small where a row lies far from what the
-richest model says (Huber 1964). Gauss and Newton's steps are taken over fixed differences in scaled
+``N_c`` the rows' number less what their neighbours repeat, ``w`` small where a row lies far from what
+the richest model says (Huber 1964). Gauss and Newton's steps are taken over fixed differences in scaled
 coordinates, inside bounds: relative steps vanish at neutral values.
 """
 
@@ -214,7 +214,7 @@ class OutputError:
         return np.concatenate([starts, np.full(len(self.names), SKEW_ROWS**-2.0)])
 
     def fit(self, effects: tuple[Placed, ...], begin: Model) -> Model:
-        """Fit all free values together, the numbers near where they are, and once as if all were guessed.
+        """Fit all free values together, from the numbers as they are and once as if all were guessed.
 
         Args:
             effects: at the values from which they start.
@@ -229,12 +229,13 @@ class OutputError:
         """The same as if all numbers had been guessed."""
         return self._descended(effects, begin, guessed=True)
 
-    def _descended(
-        self, effects: tuple[Placed, ...], begin: Model, guessed: bool = False
-    ) -> Model:
+    def _descended(self, effects: tuple[Placed, ...], begin: Model, guessed: bool = False) -> Model:
         """Gauss and Newton's steps to a nearby maximum, if so asked with the far priors alone."""
         search = _Coordinates(self, effects, begin)
-        point, (values, slopes) = search.start, self.channels(effects, begin.numbers, begin.nuisance)
+        point, (values, slopes) = (
+            search.start,
+            self.channels(effects, begin.numbers, begin.nuisance),
+        )
         error = (self._measured - values)[:, self.rows]
         score = self.score(error, begin.numbers, begin.nuisance, guessed)
         columns, precision = np.zeros((len(point), *error.shape)), search.precision(point, guessed)
@@ -248,9 +249,7 @@ class OutputError:
             lhs, rhs = self._normal(columns, error, scaled, precision, point)
             better = None
             for _ in range(6):
-                step = np.linalg.lstsq(
-                    lhs + damping * np.diag(np.diag(lhs)), rhs, rcond=1e-12
-                )[0]
+                step = np.linalg.lstsq(lhs + damping * np.diag(np.diag(lhs)), rhs, rcond=1e-12)[0]
                 trial = search.inside(point + step)
                 moved = search.split(trial)
                 found = self.channels(*moved)
@@ -318,9 +317,7 @@ class OutputError:
         with np.errstate(divide="ignore"):
             self.weights = np.minimum(1.0, limit / np.abs(model.error))
         free = model.columns[model.precision < FIXED]
-        self.counts = np.array(
-            [_telling(error, free[:, c]) for c, error in enumerate(model.error)]
-        )
+        self.counts = np.array([_telling(error, free[:, c]) for c, error in enumerate(model.error)])
 
     def rescored(self, model: Model) -> Model:
         """The same model under the weights and numbers of rows that hold now."""
@@ -366,7 +363,7 @@ class _Coordinates:
         found = np.zeros(len(point))
         for k, doubt in enumerate(self._owner.doubts):
             found[k] = doubt.precision(float(point[k]), guessed) if self.steps[k] > 0.0 else FIXED
-        found[self._count : self._edge] = self._owner._loose()  # noqa: SLF001
+        found[self._count : self._edge] = self._owner._loose()
         return found
 
     def inside(self, point: Floats) -> Floats:

@@ -152,7 +152,11 @@ class StructureSearch:
         return self.merit if effort is THOROUGH else lambda model: model.score
 
     def _visit(
-        self, found: dict[frozenset[str], Model], effects: tuple[Placed, ...], base: Model, fit: Fitting
+        self,
+        found: dict[frozenset[str], Model],
+        effects: tuple[Placed, ...],
+        base: Model,
+        fit: Fitting,
     ) -> Model | None:
         """Fit a model, and keep it where it is the best of its effects."""
         model = fit(effects, base)
@@ -171,7 +175,9 @@ class StructureSearch:
                 rest = model.effects[:which] + model.effects[which + 1 :]
                 simpler = [rest] if rest else []
                 for form in self.effects:
-                    if form.kind == placed.effect.kind and len(form.parameters) < len(placed.values):
+                    if form.kind == placed.effect.kind and len(form.parameters) < len(
+                        placed.values
+                    ):
                         probes = self.problem.trial_ship.trials(form, [])
                         simpler += [
                             other.in_place_of(model.effects, which)
@@ -226,9 +232,7 @@ class StructureSearch:
             starts: list[tuple[float, Placed]] = []
             best: tuple[float, Floats] = (-math.inf, left)
             for placed in problem.trial_ship.trials(effect, []):
-                there, _ = problem.channels(
-                    (*base.effects, placed), base.numbers, base.nuisance
-                )
+                there, _ = problem.channels((*base.effects, placed), base.numbers, base.nuisance)
                 if not np.isfinite(there).all():
                     continue
                 moved = beside((there - here)[:, rows])

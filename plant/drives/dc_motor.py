@@ -16,7 +16,6 @@ from ..signals import Signal
 from ..validity import Validity
 from .prime_mover import PrimeMover, end_stops, fill_two_way, torque_offset, with_offset
 
-
 SWITCHED_ON = 1e-3
 """Share of its end stop that a voltage demanded has at least, not to be a switch that is off."""
 

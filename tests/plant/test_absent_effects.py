@@ -197,9 +197,7 @@ def tug_voyage(inductance: float) -> Any:
     """Both ways, with and without an inductance, switched off and to the end stop."""
     motor = {"prime_mover.armature_inductance_H": inductance, "propeller.model": "bollard"}
     tug = load_ship("tito-neri-sine").with_values(motor)
-    schedule = Schedule(
-        lambda t: np.select([t < 0.3, t < 0.6, t < 0.8], [4.0, 20.0, 0.0], -6.0), 1
-    )
+    schedule = Schedule(lambda t: np.select([t < 0.3, t < 0.6, t < 0.8], [4.0, 20.0, 0.0], -6.0), 1)
     initial = equilibrium(tug, 4.0, 1.0).state
 
     def sail(values: dict[str, float]) -> NDArray[Any]:

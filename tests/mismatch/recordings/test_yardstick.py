@@ -9,7 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shaftline.mismatch.recordings.noise import describe, frozen
 from shaftline.plant import RecordingError, Ship, approach, load_ship
+from shaftline.plant.columns import SHAFT_ANGLE
 from shaftline.plant.replay import simulate_recording
 
 from .conftest import Load
@@ -159,6 +161,26 @@ def test_a_sensor_that_stops_on_the_way_is_refused(
         match=rf"{column} is constant at .* from row {stop + 1} to {len(calm)}, where this ship moves",
     ):
         load(table)
+
+
+def test_a_shaft_that_its_friction_holds_is_no_dead_sensor(load: Load, servo: Ship) -> None:
+    """It goes on from where it stood; a sensor that was dead reads where the shaft has come to."""
+    friction = {"transmission.coulomb_friction_engine_side_N_m": 30.0,
+                "transmission.stiction_speed_rad_s": 1e-4}  # fmt: skip
+    time = 0.2 * np.arange(1200)
+    pushed = 180.0 * np.sign(np.sin(2.25 * time) + np.sin(1.82 * time))
+    pushed[240:480] = 2.0
+    table = pd.DataFrame({"time_s": time, "motor_torque_N_m": pushed})
+    true = simulate_recording(servo.with_values(friction), table.assign(**{SHAFT_ANGLE: 0.0}))
+    held = table.assign(**{SHAFT_ANGLE: np.round(true[SHAFT_ANGLE], 3)})
+    assert (
+        frozen(held[SHAFT_ANGLE].to_numpy(), describe(held[SHAFT_ANGLE].to_numpy(), 0.2))[1] > 120
+    )
+    load(held, ship=servo)
+    dead = held.copy()
+    dead.loc[240:520, SHAFT_ANGLE] = dead.loc[240, SHAFT_ANGLE]
+    with pytest.raises(RecordingError, match=r"shaft_angle_rad is constant at .*dead sensor"):
+        load(dead, ship=servo)
 
 
 def test_a_short_stop_is_told_and_one_while_the_ship_rests_as_well(

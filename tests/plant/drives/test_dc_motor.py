@@ -87,7 +87,9 @@ def test_a_supply_that_takes_nothing_back_leaves_no_brake(current: float, turnin
     assert motor_torque(plant, current, -turning) == CONSTANT * current
 
 
-@pytest.mark.parametrize(("demand", "share"), [(0.0, 0.25), (0.009, 0.25), (0.011, 1.0), (-6.0, 1.0)])
+@pytest.mark.parametrize(
+    ("demand", "share"), [(0.0, 0.25), (0.009, 0.25), (0.011, 1.0), (-6.0, 1.0)]
+)
 def test_a_switch_that_is_off_opens_the_armature(demand: float, share: float) -> None:
     """The end stop is 10 V; of the current that a short circuit would carry a quarter is left."""
     ship = tug(open_circuit_fraction=0.75, voltage_max_V=10.0)
