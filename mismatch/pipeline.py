@@ -52,6 +52,7 @@ from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
 from .setting import Settings
+from .structure.diagnosed import diagnosed_jointly
 
 ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
 
@@ -126,6 +127,9 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
             start.ship, columns, options.exclude, options.own_effects, turned(together.tables)
         )
         ship = start.ship
+        if options.joint:
+            setting = Settings(ship, together, effects, options.tolerance).best
+            return diagnosed_jointly(ship, setting, together, effects, tick)
         for _ in range(MOST_ROUNDS):
             settings = Settings(ship, together, effects, options.tolerance)
             nearer = Numbers(start, settings.best.fitter).relinearised() if start.free else None

@@ -94,11 +94,12 @@ def at_bound(trial_ship: TrialShip, placed: Placed) -> str:
     """Which parameter of an effect ended at a bound of its search, in words; empty where none did.
 
     Such a value is where the search stopped, not an estimate. The value at which the effect is absent
-    may itself be a bound, and is not counted.
+    may itself be a bound, and is not counted; nor is that at which it is whole.
     """
     for parameter, value in placed.pairs:
         absent = trial_ship.origin(parameter)
-        for bound in trial_ship.range_of(parameter):
+        low, high = trial_ship.range_of(parameter)
+        for bound in (low,) if parameter.whole else (low, high):
             if bound != absent and math.isclose(value, bound, rel_tol=_AT_BOUND):
                 name = parameter.key.split(".")[-1]
                 return f"{name} ended at the bound of its search, {bound:.4g}"

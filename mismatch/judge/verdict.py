@@ -99,10 +99,10 @@ def verdict_of(
         more = colour is not None or undecided or (holds and not whole)
         name = UNEXPLAINED if more else NOTHING
     told = fit if name in (EXPLAINED, PARTLY) else null
-    return Verdict(name, explained, colour, left_over, _balances(whiteness, told, name))
+    return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, told, name))
 
 
-def _balances(whiteness: Whiteness, fit: Fit, name: str) -> tuple[BalanceVerdict, ...]:
+def balance_verdicts(whiteness: Whiteness, fit: Fit, name: str) -> tuple[BalanceVerdict, ...]:
     """Each balance for itself, under the model that is told."""
     null = whiteness.fitter.null
     shares = explained_shares(whiteness, null, fit)

@@ -22,6 +22,7 @@ class Parameter:
             :func:`.trial_ship.scales`, such as ``torque`` or ``torque/shaft_speed``.
         signed: whether the negative probes are tried too.
         absolute: the probes are values of the key, not deviations from its neutral value.
+        whole: its upper bound is all of it, as of a switch that is open, and no end of a search.
         term: of which it is a number, where the effect is a term of the ship and not a key of its own.
         least: distance from the neutral value below which something else looks the same, and the
             effect is not named; in the key's own unit.
@@ -34,6 +35,7 @@ class Parameter:
     absolute: bool = False
     least: float = 0.0
     term: Term | None = None
+    whole: bool = False
 
     def number(self, ship: Ship) -> Number:
         """The number of a ship that it is: unit, range, neutral value and place in the record.

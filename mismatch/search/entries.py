@@ -47,10 +47,11 @@ class _Trial(FileModel):
     signed: bool = False
     absolute: bool = False
     least: float = 0.0
+    whole: bool = False
 
     def of_key(self, key: str, term: Term | None = None) -> Parameter:
         """The parameter of an effect that it states."""
-        return Parameter(key, self.probes, self.of, self.signed, self.absolute, self.least, term)
+        return Parameter(key, self.probes, self.of, self.signed, self.absolute, self.least, term, self.whole)
 
 
 class _OfKey(_Trial):

@@ -53,6 +53,11 @@ def blocks(rows: NDArray[np.float64], every: int) -> NDArray[np.float64]:
     return np.asarray(cut.reshape(count, every, *cut.shape[1:]).mean(axis=1))
 
 
+def _shifted(run: Replay, shift: tuple[float, ...]) -> tuple[float, ...]:
+    """A recording's first state, shifted; what follows the first three is a shift itself."""
+    return (*(a + b for a, b in zip(run.start, shift[:3], strict=True)), *shift[3:])
+
+
 def _finest(column: str, values: NDArray[np.float64]) -> float:
     """What a channel is read to at best, in its unit."""
     sized = np.diff(values) if column in (SHAFT_ANGLE, HEADING) else values
@@ -147,11 +152,23 @@ class JointReplay:
             shift: as of :meth:`simulate`.
             each: the shift of each recording instead.
         """
-        parts = [
-            {c: blocks(samples[MEASURED[c]].copy(), self.every) for c in self.channels}
-            for samples in self._sailed(plant, shift, self.simulate_into, each)
-        ]
+        shifts = each or [shift] * len(self.runs)
+        parts = [self.channels_of_run(k, plant, own) for k, own in enumerate(shifts)]
         return {c: np.concatenate([part[c] for part in parts]) for c in self.channels}
+
+    def channels_of_run(
+        self, which: int, plant: Any, shift: tuple[float, ...] = UNMOVED
+    ) -> dict[str, NDArray[np.float64]]:
+        """The same of one recording, its rows alone.
+
+        Args:
+            which: recording.
+            plant: ship record.
+            shift: as of :meth:`simulate`.
+        """
+        run = self.runs[which]
+        samples = self.simulate_into(run, plant, _shifted(run, shift))
+        return {c: blocks(samples[MEASURED[c]].copy(), self.every) for c in self.channels}
 
     def mistimed(self) -> Iterator[JointReplay]:
         """The same with some moves of the demands held up to the next row instead of drawn as a line.
@@ -180,15 +197,10 @@ class JointReplay:
                 yield other
 
     def _sailed(
-        self,
-        plant: Any,
-        shift: tuple[float, ...],
-        simulate: Callable[..., NDArray[Any]],
-        each: Sequence[tuple[float, ...]] = (),
+        self, plant: Any, shift: tuple[float, ...], simulate: Callable[..., NDArray[Any]]
     ) -> Iterator[NDArray[Any]]:
-        for run, own in zip(self.runs, each or [shift] * len(self.runs), strict=True):
-            start = tuple(a + b for a, b in zip(run.start, own[:3], strict=True))
-            yield simulate(run, plant, start + own[3:])
+        for run in self.runs:
+            yield simulate(run, plant, _shifted(run, shift))
 
     def simulate_run(self, run: Replay, plant: Any, start: tuple[float, ...]) -> NDArray[Any]:
         """Samples at one recording's rows.

@@ -77,6 +77,7 @@ class Model:
         error: measured minus simulated on the fitted rows, shape (channels, rows).
         columns: what each free value moves there, shape (free values, channels, rows).
         precision: of each free value's prior, 0 where it has none; shape (free values,).
+        units: what 1 in its coordinate is of each free value in its own unit; likewise.
     """
 
     effects: tuple[Placed, ...]
@@ -86,6 +87,7 @@ class Model:
     error: Floats = field(repr=False)
     columns: Floats = field(repr=False)
     precision: Floats = field(repr=False)
+    units: Floats = field(repr=False)
 
     @property
     def labels(self) -> frozenset[str]:
@@ -141,8 +143,7 @@ class OutputError:
         """Simulated channels on all rows and their rate by row, each of shape (channels, rows)."""
         self.simulations += 1
         count = len(self.starts)
-        shifts = [tuple(map(float, one)) for one in (nuisance[:count] * self.starts).reshape(-1, 3)]
-        found = self.replay.channels_of(self.record(effects, numbers), each=shifts)
+        found = self.replay.channels_of(self.record(effects, numbers), each=self._shifts(nuisance))
         values = np.array([found[c] for c in self.names])
         slopes = np.zeros_like(values)
         for a, b in self.replay.segments:
@@ -150,11 +151,36 @@ class OutputError:
                 slopes[:, a:b] = np.gradient(values[:, a:b], axis=1)
         return values + nuisance[count:, None] * slopes, slopes
 
+    def _shifts(self, nuisance: Floats) -> list[tuple[float, ...]]:
+        """Shift of each recording's first state, in the states' units."""
+        shifts = nuisance[: len(self.starts)] * self.starts
+        return [tuple(map(float, one)) for one in shifts.reshape(-1, 3)]
+
+    def of_run(
+        self, run: int, effects: tuple[Placed, ...], numbers: Floats, nuisance: Floats
+    ) -> Floats:
+        """Simulated channels of one recording, its clock's skew left out; shape (channels, rows)."""
+        shift = self._shifts(nuisance)[run]
+        found = self.replay.channels_of_run(run, self.record(effects, numbers), shift)
+        return np.array([found[c] for c in self.names])
+
+    def followed(self, model: Model) -> Floats:
+        """Simulated channels of a model on all rows, each recording from its own first state."""
+        return self.channels(model.effects, model.numbers, self._started(model))[0]
+
+    def errors(self, model: Model) -> Floats:
+        """Standard error of each number as it moved, of the nuisance, and of each effect's value.
+
+        By the curvature at the maximum, all beside it unsure as well; shape (free values,).
+        """
+        scaled = self.scaled(model.error)
+        flat = (model.columns * scaled).reshape(len(model.columns), -1)
+        information = flat @ flat.T + np.diag(model.precision)
+        return np.asarray(np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0.0)) * model.units)
+
     def held_error(self, model: Model, rows: NDArray[np.int64]) -> Floats:
         """Rms of measured minus simulated over some rows, by channel, in the channels' noise."""
-        nuisance = self._started(model)
-        values, _ = self.channels(model.effects, model.numbers, nuisance)
-        error = (self._measured - values)[:, rows]
+        error = (self._measured - self.followed(model))[:, rows]
         if not np.isfinite(error).all():
             return np.full(len(self.names), math.inf)
         return np.asarray(np.hypot(np.sqrt(np.mean(error**2, axis=1)), self._floor))
@@ -169,17 +195,17 @@ class OutputError:
         for run, (a, b) in enumerate(self.replay.segments):
             if np.any((self.rows >= a) & (self.rows < b)):
                 continue
-            first = slice(a, a + max(2, min(FIRST_ROWS, (b - a) // 4)))
+            first = slice(0, max(2, min(FIRST_ROWS, (b - a) // 4)))
             own = [3 * run + k for k in range(3) if self.starts[3 * run + k] > 0.0]
             for _ in range(3):
-                here, _ = self.channels(model.effects, model.numbers, nuisance)
+                here = self.of_run(run, model.effects, model.numbers, nuisance)
                 columns = []
                 for k in own:
                     moved = nuisance.copy()
                     moved[k] += scale
-                    there, _ = self.channels(model.effects, model.numbers, moved)
-                    columns.append(((there - here)[:, first] / scale).ravel())
-                lacking = (self._measured - here)[:, first].ravel()
+                    there = self.of_run(run, model.effects, model.numbers, moved)
+                    columns.append(((there - here)[:, : first.stop] / scale).ravel())
+                lacking = (self._measured[:, a : a + first.stop] - here[:, : first.stop]).ravel()
                 if not np.isfinite(columns).all() or not np.isfinite(lacking).all():
                     break
                 nuisance[own] += np.linalg.lstsq(np.transpose(columns), lacking, rcond=1e-9)[0]
@@ -190,7 +216,7 @@ class OutputError:
         none = np.zeros(0)
         return Model(
             (), np.zeros(len(self.doubts)), np.zeros(len(self.starts) + len(self.names)), -math.inf,
-            none, none, none,
+            none, none, none, none,
         )  # fmt: skip
 
     def score(
@@ -214,20 +240,25 @@ class OutputError:
         return np.concatenate([starts, np.full(len(self.names), SKEW_ROWS**-2.0)])
 
     def fit(self, effects: tuple[Placed, ...], begin: Model) -> Model:
-        """Fit all free values together, from the numbers as they are and once as if all were guessed.
+        """Fit all free values together.
 
         Args:
             effects: at the values from which they start.
             begin: a model whose numbers and nuisance are the start.
         """
-        near = self._descended(effects, begin)
-        wide = self._descended(effects, begin, guessed=True)
-        far = self._descended(wide.effects, wide)
-        return max(near, far, key=lambda model: model.score)
+        return self._descended(effects, begin)
 
     def guessed(self, effects: tuple[Placed, ...], begin: Model) -> Model:
         """The same as if all numbers had been guessed."""
         return self._descended(effects, begin, guessed=True)
+
+    def freed(self, model: Model) -> Model:
+        """A model fitted once more from where it comes to if all numbers were guessed, if that is better.
+
+        A number that is a little off is held by its tolerance; far off it may be right.
+        """
+        wide = self._descended(model.effects, model, guessed=True)
+        return max(model, self._descended(wide.effects, wide), key=lambda one: one.score)
 
     def _descended(self, effects: tuple[Placed, ...], begin: Model, guessed: bool = False) -> Model:
         """Gauss and Newton's steps to a nearby maximum, if so asked with the far priors alone."""
@@ -267,7 +298,7 @@ class OutputError:
             if gained < SETTLED:
                 break
         placed, numbers, nuisance = search.split(point)
-        return Model(placed, numbers, nuisance, score, error, columns, precision)
+        return Model(placed, numbers, nuisance, score, error, columns, precision, search.units)
 
     def scaled(self, error: Floats) -> Floats:
         """Square roots of the weights with which rows enter a least-squares problem at some errors."""
@@ -299,8 +330,14 @@ class OutputError:
             change = inside[k] - point[k]
             if change == 0.0:
                 return np.zeros((len(self.names), len(self.rows)))
-            found, _ = self.channels(*search.split(inside))
-            column = ((found - values) / change)[:, self.rows]
+            if (run := search.run_of(k)) is None:
+                found, _ = self.channels(*search.split(inside))
+                column = ((found - values) / change)[:, self.rows]
+            else:
+                here, there = (self.of_run(run, *search.split(x)) for x in (point, inside))
+                whole = np.zeros_like(values)
+                whole[:, slice(*self.replay.segments[run])] = (there - here) / change
+                column = whole[:, self.rows]
             return column if np.isfinite(column).all() else np.zeros_like(column)
 
         columns = np.zeros((len(point), len(self.names), len(self.rows)))
@@ -347,6 +384,7 @@ class _Coordinates:
                 self._high.append((high - origin) / size)
                 start.append((value - origin) / size)
         self.start = np.array(start, np.float64)
+        self.units = np.concatenate([np.ones(self._edge), self._scales])
         steps = np.zeros(len(start))
         for k, doubt in enumerate(owner.doubts):
             if doubt.key not in set_by:
@@ -357,6 +395,10 @@ class _Coordinates:
             steps[own] = np.where((owner.starts[3 * run : 3 * run + 3] > 0.0) & fitted, 0.3, 0.0)
         steps[self._edge :] = STEP_SIZE
         self.steps = steps
+
+    def run_of(self, k: int) -> int | None:
+        """Recording whose first state a coordinate shifts; None of any other."""
+        return (k - self._count) // 3 if self._count <= k < self.skew else None
 
     def precision(self, point: Floats, guessed: bool) -> Floats:
         """Of the priors; what an effect sets in a number's stead does not move."""

@@ -47,6 +47,9 @@ PAIRED = 14
 IDLE = 0.5
 """Gain in 2 log L foretold below which an effect is not tried."""
 
+FREED = 5
+"""Models of a round, the most worth first, whose numbers are tried from far as well."""
+
 FINALISTS = 24
 """Models that are judged on the data set aside, the most worth first."""
 
@@ -118,11 +121,15 @@ class StructureSearch:
             for model in ranked
         ]
 
+    def threshold(self, effect: Effect) -> float:
+        """Gain in 2 log L that an effect must bring for itself."""
+        return threshold(effect, len(self.effects))
+
     def price(self, effects: tuple[Placed, ...]) -> float:
         """Gain in 2 log L that effects must bring together, found among so many."""
         count = len({effect.kind for effect in self.effects})
         ways = math.log(math.comb(count, min(len(effects), count))) if effects else 0.0
-        return 2.0 * ways + sum(threshold(p.effect, len(self.effects)) for p in effects)
+        return 2.0 * ways + sum(self.threshold(p.effect) for p in effects)
 
     def merit(self, model: Model) -> float:
         """A model's 2 log L less its price."""
@@ -131,8 +138,11 @@ class StructureSearch:
     def _pass(self, effort: Effort, stage: str) -> dict[frozenset[str], Model]:
         fit = self.problem.fit if effort is THOROUGH else self.problem.guessed
         first = fit((), self.problem.nothing())
+        if effort is THOROUGH:
+            first = self.problem.freed(first)
         found = {first.labels: first}
         beam = [first]
+        freed: set[frozenset[str]] = {first.labels}
         for depth in range(effort.most):
             before = max(map(self._worth(effort), found.values()))
             trials = self._trials(beam, effort)
@@ -141,6 +151,7 @@ class StructureSearch:
                 self._visit(found, effects, base, fit)
             self.tick(f"{stage}, round {depth + 1}", len(trials), len(trials))
             if effort is THOROUGH:
+                self._free(found, freed)
                 self._simplify(found, beam)
             beam = sorted(found.values(), key=self._worth(effort), reverse=True)[: effort.beam]
             if self._worth(effort)(beam[0]) <= before:
@@ -166,6 +177,13 @@ class StructureSearch:
         if known is None or model.score > known.score:
             found[model.labels] = model
         return found[model.labels]
+
+    def _free(self, found: dict[frozenset[str], Model], freed: set[frozenset[str]]) -> None:
+        """Let the best models' numbers come from far as well."""
+        for labels, model in sorted(found.items(), key=lambda item: -self.merit(item[1]))[:FREED]:
+            if labels not in freed:
+                found[labels] = self.problem.freed(model)
+                freed.add(labels)
 
     def _simplify(self, found: dict[frozenset[str], Model], beam: list[Model]) -> None:
         """Visit the best models with one effect less, and with simpler forms of their effects."""
@@ -271,11 +289,12 @@ def total(held: Floats, best: Floats) -> float:
     return float(np.exp(np.mean(np.log(held / best)))) if np.isfinite(held).all() else math.inf
 
 
-def chosen(ranked: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
+def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
     """The simplest model that is within :data:`NEAR_BEST` of the best on the data set aside.
 
     Args:
         ranked: by merit, best first; the :data:`FINALISTS` first and the best of each size run.
+        before: error of the file's ship there, by channel. What follows a channel worse is left out.
 
     Returns:
         The model, and others as good and no larger, which the recordings cannot tell from it.
@@ -285,6 +304,7 @@ def chosen(ranked: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
         best = next(one for one in ranked if one.model.size == size)
         if best not in runners:
             runners.append(best)
+    runners = [one for one in runners if np.all(one.held <= NEAR_BEST * before)] or runners
     scale = runners[0].held
     errors = [total(one.held, scale) for one in runners]
     least = min(errors)

@@ -1,0 +1,256 @@
+"""A diagnosis by the joint search: what was found, judged where nothing was fitted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ...plant.ship import Ship
+from ..diagnosis import Diagnosis
+from ..estimate import Estimate
+from ..judge.findings import FORM_SHARE, Finding, at_bound, detectable_effects, findings_of
+from ..judge.fit import fits
+from ..judge.held_out import HeldOut, bands_of
+from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, balance_verdicts
+from ..judge.whiteness import Whiteness
+from ..numbers.moved import TOLD, MovedNumber
+from ..progress import Tick
+from ..recordings.joint import JointRecordings
+from ..search.effect import Effect
+from ..search.fitting import Fit, Fitter
+from ..search.selection import Candidate, Selection, threshold
+from ..setting import Setting
+from ..simulate.balances import Balances
+from ..simulate.joint_replay import JointReplay
+from .output_error import Model, OutputError
+from .search import Ranked, StructureSearch, chosen
+
+OF_NOISE = 2.0
+"""Times the noise of every channel up to which the error on data set aside counts as explained."""
+
+OF_TOLERANCE = 3.0
+"""Tolerances by which no number may have moved where all is explained."""
+
+BETTER = 0.9
+"""Share of the error of the ship without effects, all numbers refitted, that effects must come below."""
+
+
+def diagnosed_jointly(
+    file: Ship, setting: Setting, together: JointRecordings, effects: list[Effect], tick: Tick
+) -> Diagnosis:
+    """Diagnose recordings with physics and numbers searched together.
+
+    Args:
+        file: the ship as it stands in its file.
+        setting: how the recordings are looked at.
+        together: the recordings.
+        effects: candidates.
+        tick: told the stage, how much is done, and how much there is.
+    """
+    fitter = setting.fitter
+    segments = list(zip(fitter.bands.starts, fitter.bands.ends, strict=True))
+    rows = np.concatenate([np.arange(a, b) for a, b in setting.held])
+    problem = OutputError(setting.balances, segments)
+    search = StructureSearch(problem, effects, rows, tick)
+    ranked = search.search()
+    nothing = problem.held_error(problem.nothing(), rows)
+    best, alike = chosen(ranked, nothing)
+    plain = next(one for one in ranked if not one.model.effects)
+    model = best.model
+
+    ship = _with_numbers(file, problem, model)
+    replay = setting.balances.replay
+    own = Balances(JointReplay(ship, *together.tables, line=replay.line, every=replay.every))
+    moved = Fitter(own, bands_of(own, segments, fitter.bands.highest_Hz))
+    fit = moved.fitted(model.effects)
+    whiteness = Whiteness(moved, replay.noise_rms, replay.quantisation)
+    selection = _selection(moved, fit, best, alike, ranked, search)
+    shares = [w.ratios(f) for w, f in ((setting.whiteness, fitter.null), (whiteness, fit))]
+    before, after = (float(np.maximum(s - 1.0, 0.0).sum()) for s in shares)
+    verdict = _verdict(best, plain, problem, whiteness, fit)
+
+    named = verdict in (EXPLAINED, PARTLY)
+    corrected = moved.trial_ship.corrected(fit.effects) if named or not model.effects else file
+    lacking = own.lacking(own.nominal)
+    findings = findings_of(moved, selection, lacking) if named else []
+    findings = [
+        replace(finding, estimates=estimates)
+        for finding, estimates in zip(findings, _estimates(problem, model, moved), strict=False)
+    ]
+    judge = HeldOut(fitter, setting.held)
+    gain = judge(corrected.record()) - judge(file.record())
+    measured = replay.recorded
+    sailed = replay.simulated(replay.simulate(file.record()))
+    followed = dict(zip(problem.names, problem.followed(model), strict=True))
+    if corrected == file:
+        followed = sailed
+    interval = replay.interval_s
+    return Diagnosis(
+        verdict=verdict,
+        ship=file,
+        corrected=corrected,
+        time_s=replay.time_s,
+        held_out=[(a * interval, b * interval) for a, b in setting.held],
+        drive=replay.drive_rows,
+        measured=measured,
+        before=sailed,
+        after=followed,
+        balances=list(zip(own.names, own.units, strict=True)),
+        residual_before=setting.balances.lacking(sailed),
+        residual_after=setting.balances.lacking(followed),
+        findings=findings,
+        shape=None,
+        shape_windows=[],
+        shape_regime="",
+        balance_verdicts=balance_verdicts(whiteness, fit if named else moved.null, verdict),
+        explained=1.0 - after / before if before > 0.0 else 1.0,
+        left_over=whiteness.colour(fit),
+        ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
+        detectable=detectable_effects(
+            moved, search.threshold, fit, [c.effect for c in selection.ranking]
+        ),
+        fit_before=fits(measured, sailed, rows),
+        fit_after=fits(measured, followed, rows),
+        held_out_gain=float(gain),
+        excited=replay.excited,
+        line=replay.line,
+        highest_Hz=fitter.bands.highest_Hz,
+        rows_averaged=replay.every,
+        limits=together.limits,
+        warnings=[*together.warnings, *_remarks(best, problem, nothing)],
+        numbers=_numbers(file, problem, model, corrected),
+        wrong=[None] * len(findings),
+    )
+
+
+def _with_numbers(file: Ship, problem: OutputError, model: Model) -> Ship:
+    """The ship of the file with the numbers that a model has moved."""
+    values = {}
+    for doubt, moved in zip(problem.doubts, model.numbers, strict=True):
+        if abs(moved) > 0.1 * doubt.near:
+            number = file.number(doubt.key)
+            values[doubt.key] = number.info.inside(
+                float(np.clip(doubt.at(float(moved)), *number.searched))
+            )
+    return file.with_values(values) if values else file
+
+
+def _verdict(
+    best: Ranked, plain: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit
+) -> str:
+    """What may be said of the model that was chosen."""
+    noise = np.array([problem.replay.noise_rms[c] for c in problem.names])
+    quiet = bool(np.all(best.held <= OF_NOISE * np.maximum(noise, 1e-300)))
+    white = whiteness.colour(fit) is None
+    if not best.model.effects:
+        return NOTHING if quiet or white else UNEXPLAINED
+    # geometric mean over the channels: what is better in one is not worse in another
+    share = float(np.exp(np.mean(np.log(best.held / plain.held))))
+    if share > BETTER and not (quiet or white):
+        return UNEXPLAINED
+    bounded = any(at_bound(problem.trial_ship, placed) for placed in fit.effects)
+    far = [
+        abs(moved) > OF_TOLERANCE * doubt.near
+        for doubt, moved in zip(problem.doubts, best.model.numbers, strict=True)
+    ]
+    return EXPLAINED if (quiet or white) and not bounded and not any(far) else PARTLY
+
+
+def _selection(
+    moved: Fitter,
+    fit: Fit,
+    best: Ranked,
+    alike: list[Ranked],
+    ranked: list[Ranked],
+    search: StructureSearch,
+) -> Selection:
+    """A model in the words of the other search: each effect's gain, threshold and rivals."""
+    labels = best.model.labels
+    gains, rivals = [], []
+    for placed in best.model.effects:
+        without = [one for one in ranked if one.model.labels == labels - {placed.effect.label}]
+        last = without[0].model.score if without else -math.inf
+        gains.append(best.model.score - last)
+        instead = []
+        for one in alike:
+            other = [p for p in one.model.effects if p.effect.label not in labels]
+            shared = labels & one.model.labels
+            if len(other) == 1 and shared == labels - {placed.effect.label}:
+                instead.append(_candidate(moved, other[0].effect, one))
+        rivals.append(tuple(instead))
+    singles = [one for one in ranked if len(one.model.effects) == 1]
+    return Selection(
+        fit,
+        tuple(gains),
+        tuple(search.threshold(placed.effect) for placed in best.model.effects),
+        tuple(rivals),
+        tuple(_candidate(moved, one.model.effects[0].effect, one) for one in singles),
+    )
+
+
+def _candidate(moved: Fitter, effect: Effect, one: Ranked) -> Candidate:
+    """An effect of another model, with that model's merit."""
+    placed = next(p for p in one.model.effects if p.effect is effect)
+    return Candidate(effect, replace(moved.null, effects=(placed,)), one.merit)
+
+
+def _estimates(
+    problem: OutputError, model: Model, moved: Fitter
+) -> list[tuple[Estimate, ...]]:
+    """Every effect's values with their errors, all other free values unsure as well."""
+    errors = problem.errors(model)
+    host = moved.trial_ship.host(model.effects)
+    found, place = [], len(model.numbers) + len(model.nuisance)
+    for placed in model.effects:
+        own = []
+        for parameter, value in placed.pairs:
+            origin = problem.trial_ship.origin(parameter)
+            own.append(
+                Estimate.of(
+                    host, parameter.key, value, float(errors[place]),
+                    form_error=FORM_SHARE * abs(value - origin),
+                    neutral=problem.trial_ship.neutral(parameter),
+                )
+            )  # fmt: skip
+            place += 1
+        found.append(tuple(own))
+    return found
+
+
+def _numbers(
+    file: Ship, problem: OutputError, model: Model, corrected: Ship
+) -> list[MovedNumber]:
+    """The numbers that the model has moved."""
+    errors = problem.errors(model)
+    found = []
+    for k, (doubt, moved) in enumerate(zip(problem.doubts, model.numbers, strict=True)):
+        shifts = float(moved) / doubt.near
+        if abs(shifts) < TOLD:
+            continue
+        number = file.number(doubt.key)
+        value = doubt.at(float(moved))
+        spread = float(errors[k]) * (value if doubt.share else 1.0)
+        found.append(
+            MovedNumber(
+                doubt.key, number.info.unit, number.value, value, abs(spread), shifts, "tolerance",
+                corrected.number(doubt.key).value,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _remarks(best: Ranked, problem: OutputError, nothing: np.ndarray) -> list[str]:
+    """What a reader must know of the error on data set aside and of numbers that moved far."""
+    said = [
+        f"{column}: error on the data set aside {before:.4g} as the file has it, {after:.4g} now"
+        for column, before, after in zip(problem.names, nothing, best.held, strict=True)
+    ]
+    for doubt, moved in zip(problem.doubts, best.model.numbers, strict=True):
+        if abs(moved) > OF_TOLERANCE * doubt.near:
+            said.append(
+                f"{doubt.key} moved from {doubt.value:.4g} to {doubt.at(float(moved)):.4g}, "
+                f"{abs(moved) / doubt.near:.0f} tolerances: the file's tolerance or its number is wrong"
+            )
+    return said
