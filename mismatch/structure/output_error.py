@@ -44,6 +44,10 @@ FIRST_ROWS = 100
 HUBER = 3.0
 """Deviations beyond which a row counts less, in 1.48 times the median of all."""
 
+STRAY = 10.0
+"""The same beyond which a row counts no more where models are compared: a sign that was guessed, a value
+that was repeated."""
+
 STEP_SHARE, STEP_SIZE = 0.01, 0.02
 """Differences over which a number of the file, by its logarithm, and a value of an effect, as a share of
 where it is first tried, are felt."""
@@ -178,12 +182,27 @@ class OutputError:
         information = flat @ flat.T + np.diag(model.precision)
         return np.asarray(np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0.0)) * model.units)
 
-    def held_error(self, model: Model, rows: NDArray[np.int64]) -> Floats:
-        """Rms of measured minus simulated over some rows, by channel, in the channels' noise."""
+    def held_error(
+        self, model: Model, rows: NDArray[np.int64], limit: Floats | None = None
+    ) -> Floats:
+        """Rms of measured minus simulated over some rows, by channel, no less than half the noise.
+
+        Args:
+            model: fitted.
+            rows: that were not fitted.
+            limit: error beyond which a row counts no more, by channel; none by default.
+        """
         error = (self._measured - self.followed(model))[:, rows]
         if not np.isfinite(error).all():
             return np.full(len(self.names), math.inf)
+        if limit is not None:
+            error = np.minimum(np.abs(error), limit[:, None])
         return np.asarray(np.hypot(np.sqrt(np.mean(error**2, axis=1)), self._floor))
+
+    @staticmethod
+    def stray(model: Model) -> Floats:
+        """Error beyond which a row is no worse a witness, by channel: :data:`STRAY` deviations."""
+        return STRAY * np.median(np.abs(model.error), axis=1) / 0.6745
 
     def _started(self, model: Model) -> Floats:
         """A model's nuisance with the first states of recordings that were not fitted.

@@ -84,11 +84,13 @@ class Ranked:
         model: fitted.
         merit: its 2 log L less what its effects and the search for them cost.
         held: its error on the data set aside, by channel, in the channels' units.
+        compared: the same with rows that are far off counting no more than others that are.
     """
 
     model: Model
     merit: float
     held: Floats
+    compared: Floats
 
 
 class StructureSearch:
@@ -113,11 +115,18 @@ class StructureSearch:
     def search(self) -> list[Ranked]:
         """All models worth a look, fitted, best first."""
         quick = self._pass(QUICK, "looking for the richest model")
-        self.problem.heed(max(quick.values(), key=lambda model: model.score))
+        richest = max(quick.values(), key=lambda model: model.score)
+        self.problem.heed(richest)
+        limit = self.problem.stray(richest)
         self.pool = self._pass(THOROUGH, "searching physics and numbers together")
         ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
         return [
-            Ranked(model, self.merit(model), self.problem.held_error(model, self.held))
+            Ranked(
+                model,
+                self.merit(model),
+                self.problem.held_error(model, self.held),
+                self.problem.held_error(model, self.held, limit),
+            )
             for model in ranked
         ]
 
@@ -305,8 +314,8 @@ def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
         if best not in runners:
             runners.append(best)
     runners = [one for one in runners if np.all(one.held <= NEAR_BEST * before)] or runners
-    scale = runners[0].held
-    errors = [total(one.held, scale) for one in runners]
+    scale = runners[0].compared
+    errors = [total(one.compared, scale) for one in runners]
     least = min(errors)
     near = [one for one, error in zip(runners, errors, strict=True) if error <= NEAR_BEST * least]
     smallest = min(one.model.size for one in near)
