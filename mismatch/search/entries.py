@@ -51,7 +51,9 @@ class _Trial(FileModel):
 
     def of_key(self, key: str, term: Term | None = None) -> Parameter:
         """The parameter of an effect that it states."""
-        return Parameter(key, self.probes, self.of, self.signed, self.absolute, self.least, term, self.whole)
+        return Parameter(
+            key, self.probes, self.of, self.signed, self.absolute, self.least, term, self.whole
+        )
 
 
 class _OfKey(_Trial):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,22 +15,22 @@ from ..judge.held_out import HeldOut, bands_of
 from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, balance_verdicts
 from ..judge.whiteness import Whiteness
 from ..numbers.moved import TOLD, MovedNumber
+from ..numbers.wrong import WrongNumber
 from ..progress import Tick
 from ..recordings.joint import JointRecordings
 from ..search.effect import Effect
 from ..search.fitting import Fit, Fitter
-from ..search.selection import Candidate, Selection, threshold
+from ..search.selection import Candidate, Selection
 from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
+from .doubts import Doubt
+from .naming import FAR, named
 from .output_error import Model, OutputError
 from .search import Ranked, StructureSearch, chosen
 
 OF_NOISE = 2.0
 """Times the noise of every channel up to which the error on data set aside counts as explained."""
-
-OF_TOLERANCE = 3.0
-"""Tolerances by which no number may have moved where all is explained."""
 
 BETTER = 0.9
 """Share of the error of the ship without effects, all numbers refitted, that effects must come below."""
@@ -58,7 +57,11 @@ def diagnosed_jointly(
     nothing = problem.held_error(problem.nothing(), rows)
     best, alike = chosen(ranked, nothing)
     plain = next(one for one in ranked if not one.model.effects)
-    model = best.model
+    model, replaced = named(search, best.model)
+    if replaced:
+        held = problem.held_error(model, rows)
+        best = Ranked(model, search.merit(model), held, held)
+        alike = []
 
     ship = _with_numbers(file, problem, model)
     replay = setting.balances.replay
@@ -71,10 +74,10 @@ def diagnosed_jointly(
     before, after = (float(np.maximum(s - 1.0, 0.0).sum()) for s in shares)
     verdict = _verdict(best, plain, problem, whiteness, fit)
 
-    named = verdict in (EXPLAINED, PARTLY)
-    corrected = moved.trial_ship.corrected(fit.effects) if named or not model.effects else file
+    holds = verdict in (EXPLAINED, PARTLY)
+    corrected = moved.trial_ship.corrected(fit.effects) if holds or not model.effects else file
     lacking = own.lacking(own.nominal)
-    findings = findings_of(moved, selection, lacking) if named else []
+    findings = findings_of(moved, selection, lacking) if holds else []
     findings = [
         replace(finding, estimates=estimates)
         for finding, estimates in zip(findings, _estimates(problem, model, moved), strict=False)
@@ -104,7 +107,7 @@ def diagnosed_jointly(
         shape=None,
         shape_windows=[],
         shape_regime="",
-        balance_verdicts=balance_verdicts(whiteness, fit if named else moved.null, verdict),
+        balance_verdicts=balance_verdicts(whiteness, fit if holds else moved.null, verdict),
         explained=1.0 - after / before if before > 0.0 else 1.0,
         left_over=whiteness.colour(fit),
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
@@ -121,7 +124,7 @@ def diagnosed_jointly(
         limits=together.limits,
         warnings=[*together.warnings, *_remarks(best, problem, nothing)],
         numbers=_numbers(file, problem, model, corrected),
-        wrong=[None] * len(findings),
+        wrong=[_wrong(file, replaced, finding) for finding in findings],
     )
 
 
@@ -152,7 +155,7 @@ def _verdict(
         return UNEXPLAINED
     bounded = any(at_bound(problem.trial_ship, placed) for placed in fit.effects)
     far = [
-        abs(moved) > OF_TOLERANCE * doubt.near
+        abs(moved) > FAR * doubt.near
         for doubt, moved in zip(problem.doubts, best.model.numbers, strict=True)
     ]
     return EXPLAINED if (quiet or white) and not bounded and not any(far) else PARTLY
@@ -170,9 +173,8 @@ def _selection(
     labels = best.model.labels
     gains, rivals = [], []
     for placed in best.model.effects:
-        without = [one for one in ranked if one.model.labels == labels - {placed.effect.label}]
-        last = without[0].model.score if without else -math.inf
-        gains.append(best.model.score - last)
+        rest = tuple(p for p in best.model.effects if p is not placed)
+        gains.append(best.model.score - search.problem.fit(rest, best.model).score)
         instead = []
         for one in alike:
             other = [p for p in one.model.effects if p.effect.label not in labels]
@@ -196,9 +198,7 @@ def _candidate(moved: Fitter, effect: Effect, one: Ranked) -> Candidate:
     return Candidate(effect, replace(moved.null, effects=(placed,)), one.merit)
 
 
-def _estimates(
-    problem: OutputError, model: Model, moved: Fitter
-) -> list[tuple[Estimate, ...]]:
+def _estimates(problem: OutputError, model: Model, moved: Fitter) -> list[tuple[Estimate, ...]]:
     """Every effect's values with their errors, all other free values unsure as well."""
     errors = problem.errors(model)
     host = moved.trial_ship.host(model.effects)
@@ -219,9 +219,7 @@ def _estimates(
     return found
 
 
-def _numbers(
-    file: Ship, problem: OutputError, model: Model, corrected: Ship
-) -> list[MovedNumber]:
+def _numbers(file: Ship, problem: OutputError, model: Model, corrected: Ship) -> list[MovedNumber]:
     """The numbers that the model has moved."""
     errors = problem.errors(model)
     found = []
@@ -241,6 +239,15 @@ def _numbers(
     return found
 
 
+def _wrong(file: Ship, replaced: dict[str, Doubt], finding: Finding) -> WrongNumber | None:
+    """The number of the file that would explain a finding as well."""
+    doubt = replaced.get(finding.effect.label)
+    if doubt is None:
+        return None
+    number = file.number(doubt.key)
+    return WrongNumber(doubt.key, number.value, doubt.value, number.info.unit, finding.score)
+
+
 def _remarks(best: Ranked, problem: OutputError, nothing: np.ndarray) -> list[str]:
     """What a reader must know of the error on data set aside and of numbers that moved far."""
     said = [
@@ -248,7 +255,7 @@ def _remarks(best: Ranked, problem: OutputError, nothing: np.ndarray) -> list[st
         for column, before, after in zip(problem.names, nothing, best.held, strict=True)
     ]
     for doubt, moved in zip(problem.doubts, best.model.numbers, strict=True):
-        if abs(moved) > OF_TOLERANCE * doubt.near:
+        if abs(moved) > FAR * doubt.near:
             said.append(
                 f"{doubt.key} moved from {doubt.value:.4g} to {doubt.at(float(moved)):.4g}, "
                 f"{abs(moved) / doubt.near:.0f} tolerances: the file's tolerance or its number is wrong"

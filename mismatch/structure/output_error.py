@@ -180,7 +180,9 @@ class OutputError:
         scaled = self.scaled(model.error)
         flat = (model.columns * scaled).reshape(len(model.columns), -1)
         information = flat @ flat.T + np.diag(model.precision)
-        return np.asarray(np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0.0)) * model.units)
+        return np.asarray(
+            np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0.0)) * model.units
+        )
 
     def held_error(
         self, model: Model, rows: NDArray[np.int64], limit: Floats | None = None

@@ -58,7 +58,7 @@ NEAR_BEST = 1.05
 
 
 @dataclass(frozen=True)
-class _Screened:
+class Screened:
     """An effect as a straight line foretells it on a model.
 
     Args:
@@ -129,6 +129,10 @@ class StructureSearch:
             )
             for model in ranked
         ]
+
+    def screen(self, base: Model) -> list[Screened]:
+        """Effects that a model lacks, by what a straight line foretells of each, best first."""
+        return self._screen(base)[0]
 
     def threshold(self, effect: Effect) -> float:
         """Gain in 2 log L that an effect must bring for itself."""
@@ -235,7 +239,7 @@ class StructureSearch:
                     trials.append((base, (*base.effects, *pair)))
         return trials
 
-    def _screen(self, base: Model) -> tuple[list[_Screened], Floats]:
+    def _screen(self, base: Model) -> tuple[list[Screened], Floats]:
         """Effects that a model lacks, best first, and what it leaves beside all that gives way."""
         problem = self.problem
         scaled = problem.scaled(base.error)
@@ -274,11 +278,11 @@ class StructureSearch:
                     best = (gain, moved)
             starts.sort(key=lambda start: -start[0])
             if starts and starts[0][0] > IDLE:
-                found.append(_Screened(effect, tuple(starts), best[1]))
+                found.append(Screened(effect, tuple(starts), best[1]))
         return sorted(found, key=lambda one: -one.gain), left
 
 
-def _pairs(screened: list[_Screened], left: Floats) -> list[tuple[Placed, Placed]]:
+def _pairs(screened: list[Screened], left: Floats) -> list[tuple[Placed, Placed]]:
     """Pairs of effects that are foretold to help most beyond the better of the two."""
     ranked = []
     for one, other in itertools.combinations(screened, 2):
