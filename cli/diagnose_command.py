@@ -98,6 +98,14 @@ def diagnose(
             show_default="with --calibrate those that it tells, without none",
         ),
     ] = "",
+    joint: Annotated[
+        bool,
+        typer.Option(
+            "--joint",
+            help="Search physics and the ship's numbers together, in minutes: for a ship file that was "
+            "guessed or belongs to a rig of one's own.",
+        ),
+    ] = False,
     jobs: Annotated[
         int | None,
         typer.Option(
@@ -147,6 +155,11 @@ def diagnose(
     their errors, and `--free` lets those move that you do not trust. What they take up is then not
     called physics: a free resistance takes up fouling.
 
+    Where the ship file was guessed, or the recording is a real rig's, numbers and physics have to be
+    found together: a wrong inertia takes up friction, and two effects may help only as a pair.
+    `--joint` refits every number of the file with each set of effects that it tries, lets what the
+    recordings say outvote the file at a price, and chooses on the data set aside.
+
     What the catalogue does not know you can write yourself. A file MY.toml holds
 
         [[term]]
@@ -178,6 +191,8 @@ def diagnose(
         shaftline diagnose log.csv --free hull.resistance_coefficient_N_s2_m2 --ship mine.toml
             --out out/log
 
+        shaftline diagnose run1.csv run2.csv --hold-out run3.csv --joint --ship rig.toml --out out/rig
+
         shaftline diagnose log.csv --columns map.toml --effects MY.toml --ship mine.toml --out out/wind
 
         shaftline diagnose trials/ --ship frigate --out out/trials --jobs 8
@@ -202,7 +217,7 @@ def diagnose(
         keys = tuple(key.strip() for key in free.split(",") if key.strip())
         options = Options(
             columns, tuple(exclude or ()), tolerance, tuple(calibrate or ()), keys,
-            tuple(effects or ()),
+            tuple(effects or ()), joint=joint,
         )  # fmt: skip
         options.check(vessel)
         folders = [path for path in recordings if path.is_dir()]

@@ -129,7 +129,10 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         ship = start.ship
         if options.joint:
             setting = Settings(ship, together, effects, options.tolerance).best
-            return diagnosed_jointly(ship, setting, together, effects, tick)
+            together.warnings.extend(start.remarks)
+            return diagnosed_jointly(
+                ship, setting, together, effects, tick, options.tolerance, options.most_effects
+            )
         for _ in range(MOST_ROUNDS):
             settings = Settings(ship, together, effects, options.tolerance)
             nearer = Numbers(start, settings.best.fitter).relinearised() if start.free else None

@@ -37,22 +37,30 @@ BETTER = 0.9
 
 
 def diagnosed_jointly(
-    file: Ship, setting: Setting, together: JointRecordings, effects: list[Effect], tick: Tick
+    file: Ship,
+    setting: Setting,
+    together: JointRecordings,
+    effects: list[Effect],
+    tick: Tick,
+    tolerance: float = 1.0,
+    most: int | None = None,
 ) -> Diagnosis:
     """Diagnose recordings with physics and numbers searched together.
 
     Args:
-        file: the ship as it stands in its file.
+        file: the ship as the diagnosis begins with it.
         setting: how the recordings are looked at.
         together: the recordings.
         effects: candidates.
         tick: told the stage, how much is done, and how much there is.
+        tolerance: factor on the tolerances of the ship's numbers.
+        most: effects that are named, at most.
     """
     fitter = setting.fitter
     segments = list(zip(fitter.bands.starts, fitter.bands.ends, strict=True))
     rows = np.concatenate([np.arange(a, b) for a, b in setting.held])
-    problem = OutputError(setting.balances, segments)
-    search = StructureSearch(problem, effects, rows, tick)
+    problem = OutputError(setting.balances, segments, tolerance)
+    search = StructureSearch(problem, effects, rows, tick, most)
     ranked = search.search()
     nothing = problem.held_error(problem.nothing(), rows)
     best, alike = chosen(ranked, nothing)
@@ -66,7 +74,7 @@ def diagnosed_jointly(
     ship = _with_numbers(file, problem, model)
     replay = setting.balances.replay
     own = Balances(JointReplay(ship, *together.tables, line=replay.line, every=replay.every))
-    moved = Fitter(own, bands_of(own, segments, fitter.bands.highest_Hz))
+    moved = Fitter(own, bands_of(own, segments, fitter.bands.highest_Hz), tolerance)
     fit = moved.fitted(model.effects)
     whiteness = Whiteness(moved, replay.noise_rms, replay.quantisation)
     selection = _selection(moved, fit, best, alike, ranked, search)

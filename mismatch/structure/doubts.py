@@ -81,20 +81,23 @@ class Doubt:
         return (1.0 - self.wrong) * near, self.wrong * far
 
 
-def doubts_of(replay: JointReplay) -> list[Doubt]:
+def doubts_of(replay: JointReplay, tolerance: float = 1.0) -> list[Doubt]:
     """Numbers of a ship that a recording moves: those that have tolerances, and those of its own terms.
 
     Args:
         replay: of the recordings; numbers that do not act in it are left out.
+        tolerance: factor on the tolerances; 0 leaves all numbers out.
     """
-    return [*_tolerated(replay), *_of_terms(replay.ship)]
+    if tolerance == 0.0:
+        return []
+    return [*_tolerated(replay, tolerance), *_of_terms(replay.ship)]
 
 
-def _tolerated(replay: JointReplay) -> Iterator[Doubt]:
+def _tolerated(replay: JointReplay, tolerance: float) -> Iterator[Doubt]:
     """Each number that a tolerance of its own moves; of several that go together, each for itself."""
     ship = replay.ship
     spread: dict[str, float] = {}
-    for moved in tolerance_moves(replay):
+    for moved in tolerance_moves(replay, tolerance):
         for key, change in moved.numbers.items():
             if change != 0.0:
                 spread[key] = math.hypot(spread.get(key, 0.0), change)

@@ -19,7 +19,7 @@ FAR = 3.0
 """Tolerances beyond which a number has moved far."""
 
 PLAUSIBLE = math.log(1.5)
-"""Logarithm of the factor by which physics may change what a number says: beyond it the file is wrong."""
+"""Logarithm of the factor by which physics may change a number; beyond it the file is wrong."""
 
 TRIED = 5
 """Effects that are tried in a number's stead, the best foretold first."""

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,9 +25,11 @@ from ..search.trial_ship import TrialShip
 from ..simulate.at_once import at_once
 from ..simulate.balances import Balances
 from ..simulate.tolerances import START
+from .coordinates import FIXED, Coordinates
 from .doubts import Doubt, doubts_of
+from .model import Floats, Model
+from .rows import telling
 
-Floats = NDArray[np.float64]
 Segments = Sequence[tuple[int, int]]
 
 SKEW_ROWS = 0.29
@@ -48,16 +49,6 @@ STRAY = 10.0
 """The same beyond which a row counts no more where models are compared: a sign that was guessed, a value
 that was repeated."""
 
-STEP_SHARE, STEP_SIZE = 0.01, 0.02
-"""Differences over which a number of the file, by its logarithm, and a value of an effect, as a share of
-where it is first tried, are felt."""
-
-FIXED = 1e12
-"""Precision of what does not move."""
-
-SMOOTHED = 1.0
-"""Width over which a spectrum of n rows is smoothed, in the square root of n frequencies."""
-
 MOST_STEPS = 14
 """Of Gauss and Newton."""
 
@@ -68,54 +59,19 @@ LEAST_NOISE = 0.5
 """Times a channel's white noise that a model's error counts at least."""
 
 
-@dataclass(frozen=True)
-class Model:
-    """A fitted ship.
-
-    Args:
-        effects: with their values.
-        numbers: how far each doubtful number has moved, shape (doubts,).
-        nuisance: shift of the first pitch ratio, shaft speed and ship speed of each recording, in
-            deviations, and then of each channel's clock, in rows; shape (3 recordings + channels,).
-        score: 2 log L with the priors [-].
-        error: measured minus simulated on the fitted rows, shape (channels, rows).
-        columns: what each free value moves there, shape (free values, channels, rows).
-        precision: of each free value's prior, 0 where it has none; shape (free values,).
-        units: what 1 in its coordinate is of each free value in its own unit; likewise.
-    """
-
-    effects: tuple[Placed, ...]
-    numbers: Floats
-    nuisance: Floats
-    score: float
-    error: Floats = field(repr=False)
-    columns: Floats = field(repr=False)
-    precision: Floats = field(repr=False)
-    units: Floats = field(repr=False)
-
-    @property
-    def labels(self) -> frozenset[str]:
-        """Of its effects."""
-        return frozenset(placed.effect.label for placed in self.effects)
-
-    @property
-    def size(self) -> int:
-        """How many values its effects have."""
-        return sum(len(placed.values) for placed in self.effects)
-
-
 class OutputError:
     """Fits ships to some rows of recordings.
 
     Args:
         balances: of ship and recordings.
         fitted: rows that may be fitted.
+        tolerance: factor on the tolerances of the ship's numbers; 0 holds them all.
     """
 
-    def __init__(self, balances: Balances, fitted: Segments) -> None:
+    def __init__(self, balances: Balances, fitted: Segments, tolerance: float = 1.0) -> None:
         self.replay = balances.replay
         self.trial_ship = TrialShip(balances)
-        self.doubts: list[Doubt] = doubts_of(self.replay)
+        self.doubts: list[Doubt] = doubts_of(self.replay, tolerance)
         self.names = list(self.replay.channels)
         self.rows = np.concatenate([np.arange(a, b) for a, b in fitted])
         self.simulations = 0
@@ -248,14 +204,14 @@ class OutputError:
             return -math.inf
         said = -float(np.sum(self.counts * np.log(self._power(error))))
         said -= sum(d.penalty(float(x), guessed) for d, x in zip(self.doubts, numbers, strict=True))
-        return said - float(np.sum(self._loose() * nuisance**2))
+        return said - float(np.sum(self.loose() * nuisance**2))
 
     def _power(self, error: Floats) -> Floats:
         """Weighted mean square of errors by channel."""
         mean = np.sum(self.weights * error**2, axis=1) / np.sum(self.weights, axis=1)
         return np.asarray(mean + self._floor**2)
 
-    def _loose(self) -> Floats:
+    def loose(self) -> Floats:
         """Precision of the nuisance's priors; of what cannot move as good as infinite."""
         starts = np.where(self.starts > 0.0, START_LOOSE, FIXED)
         return np.concatenate([starts, np.full(len(self.names), SKEW_ROWS**-2.0)])
@@ -274,7 +230,7 @@ class OutputError:
         return self._descended(effects, begin, guessed=True)
 
     def freed(self, model: Model) -> Model:
-        """A model fitted once more from where it comes to if all numbers were guessed, if that is better.
+        """A model fitted anew from where it comes to if all numbers were guessed, if that is better.
 
         A number that is a little off is held by its tolerance; far off it may be right.
         """
@@ -283,7 +239,7 @@ class OutputError:
 
     def _descended(self, effects: tuple[Placed, ...], begin: Model, guessed: bool = False) -> Model:
         """Gauss and Newton's steps to a nearby maximum, if so asked with the far priors alone."""
-        search = _Coordinates(self, effects, begin)
+        search = Coordinates(self, effects, begin)
         point, (values, slopes) = (
             search.start,
             self.channels(effects, begin.numbers, begin.nuisance),
@@ -301,8 +257,7 @@ class OutputError:
             lhs, rhs = self._normal(columns, error, scaled, precision, point)
             better = None
             for _ in range(6):
-                step = np.linalg.lstsq(lhs + damping * np.diag(np.diag(lhs)), rhs, rcond=1e-12)[0]
-                trial = search.inside(point + step)
+                trial = search.stepped(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
                 moved = search.split(trial)
                 found = self.channels(*moved)
                 wrong = (self._measured - found[0])[:, self.rows]
@@ -335,7 +290,7 @@ class OutputError:
         return flat @ flat.T + np.diag(precision), flat @ wanted - precision * point
 
     def _columns(
-        self, search: _Coordinates, point: Floats, values: Floats, slopes: Floats
+        self, search: Coordinates, point: Floats, values: Floats, slopes: Floats
     ) -> Floats:
         """What each coordinate moves of the simulated channels on the fitted rows."""
         steps = search.steps
@@ -375,98 +330,4 @@ class OutputError:
         with np.errstate(divide="ignore"):
             self.weights = np.minimum(1.0, limit / np.abs(model.error))
         free = model.columns[model.precision < FIXED]
-        self.counts = np.array([_telling(error, free[:, c]) for c, error in enumerate(model.error)])
-
-    def rescored(self, model: Model) -> Model:
-        """The same model under the weights and numbers of rows that hold now."""
-        return replace(model, score=self.score(model.error, model.numbers, model.nuisance))
-
-
-class _Coordinates:
-    """All free values of a model on one scale: numbers, nuisance, values of effects."""
-
-    def __init__(self, owner: OutputError, effects: tuple[Placed, ...], begin: Model) -> None:
-        self._owner, self._effects = owner, effects
-        self._count = len(owner.doubts)
-        self.skew = self._count + len(owner.starts)
-        self._edge = self.skew + len(owner.names)
-        trial_ship = owner.trial_ship
-        set_by = {key for placed in effects for key in trial_ship.settings(placed)}
-        self._origins, self._scales, self._low, self._high = [], [], [], []
-        start = [*begin.numbers, *begin.nuisance]
-        for placed in effects:
-            for parameter, value in placed.pairs:
-                origin = trial_ship.origin(parameter)
-                low, high = trial_ship.range_of(parameter)
-                size = abs(value - origin) or abs(value) or 1.0
-                self._origins.append(origin)
-                self._scales.append(size)
-                self._low.append((low - origin) / size)
-                self._high.append((high - origin) / size)
-                start.append((value - origin) / size)
-        self.start = np.array(start, np.float64)
-        self.units = np.concatenate([np.ones(self._edge), self._scales])
-        steps = np.zeros(len(start))
-        for k, doubt in enumerate(owner.doubts):
-            if doubt.key not in set_by:
-                steps[k] = STEP_SHARE if doubt.share else 0.3 * doubt.near
-        for run, (a, b) in enumerate(owner.replay.segments):
-            fitted = bool(np.any((owner.rows >= a) & (owner.rows < b)))
-            own = slice(self._count + 3 * run, self._count + 3 * run + 3)
-            steps[own] = np.where((owner.starts[3 * run : 3 * run + 3] > 0.0) & fitted, 0.3, 0.0)
-        steps[self._edge :] = STEP_SIZE
-        self.steps = steps
-
-    def run_of(self, k: int) -> int | None:
-        """Recording whose first state a coordinate shifts; None of any other."""
-        return (k - self._count) // 3 if self._count <= k < self.skew else None
-
-    def precision(self, point: Floats, guessed: bool) -> Floats:
-        """Of the priors; what an effect sets in a number's stead does not move."""
-        found = np.zeros(len(point))
-        for k, doubt in enumerate(self._owner.doubts):
-            found[k] = doubt.precision(float(point[k]), guessed) if self.steps[k] > 0.0 else FIXED
-        found[self._count : self._edge] = self._owner._loose()
-        return found
-
-    def inside(self, point: Floats) -> Floats:
-        """The nearest point within the bounds."""
-        found = point.copy()
-        found[: self._count] = np.clip(found[: self._count], -5.0, 5.0)
-        found[self.skew : self._edge] = np.clip(found[self.skew : self._edge], -0.5, 0.5)
-        found[self._edge :] = np.clip(found[self._edge :], self._low, self._high)
-        return found
-
-    def split(self, point: Floats) -> tuple[tuple[Placed, ...], Floats, Floats]:
-        """Effects with their values, numbers, nuisance."""
-        values = np.array(self._origins) + np.array(self._scales) * point[self._edge :]
-        placed, begin = [], 0
-        for one in self._effects:
-            end = begin + len(one.values)
-            placed.append(one.with_values(values[begin:end]))
-            begin = end
-        return tuple(placed), point[: self._count], point[self._count : self._edge]
-
-
-def _telling(error: Floats, columns: Floats) -> float:
-    """How many independent rows some errors are worth to what a model's values move.
-
-    A value's variance is that of independent errors times ``sum S |J|^2 / (mean S sum |J|^2)``, S being
-    the errors' spectrum, smoothed, and J what the value moves: errors that drift slowly say little
-    against what answers fast.
-
-    Args:
-        error: of one channel, shape (rows,).
-        columns: what each value moves there, shape (values, rows).
-    """
-    rows = len(error)
-    size = 1 << (2 * rows - 1).bit_length()
-    power = np.abs(np.fft.rfft(error - error.mean(), size)) ** 2
-    width = max(3, round(SMOOTHED * math.sqrt(rows) * size / rows / 2.0))
-    smooth = np.convolve(power, np.ones(width) / width, mode="same")
-    moved = np.abs(np.fft.rfft(columns - columns.mean(axis=1, keepdims=True), size, axis=1)) ** 2
-    heard = moved.sum(axis=1)
-    if not np.any(heard > 0.0) or smooth.sum() == 0.0:
-        return float(rows)
-    worth = smooth.mean() * heard[heard > 0.0] / (moved[heard > 0.0] @ smooth)
-    return float(rows * min(1.0, np.median(worth)))
+        self.counts = np.array([telling(error, free[:, c]) for c, error in enumerate(model.error)])

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..progress import Tick
+from ..progress import Tick, silent
 from ..search.effect import Effect
 from ..search.placed import Placed
 from ..search.selection import threshold
@@ -46,6 +46,9 @@ PAIRED = 14
 
 IDLE = 0.5
 """Gain in 2 log L foretold below which an effect is not tried."""
+
+TIED = 1.0
+"""Difference in 2 log L within which models are as good as each other."""
 
 FREED = 5
 """Models of a round, the most worth first, whose numbers are tried from far as well."""
@@ -101,11 +104,18 @@ class StructureSearch:
         effects: candidates; those that act for a time are left out.
         held: rows that are set aside.
         tick: told the stage, how much is done, and how much there is.
+        most: effects of a model, at most.
     """
 
     def __init__(
-        self, problem: OutputError, effects: list[Effect], held: NDArray[np.int64], tick: Tick
+        self,
+        problem: OutputError,
+        effects: list[Effect],
+        held: NDArray[np.int64],
+        tick: Tick = silent,
+        most: int | None = None,
     ) -> None:
+        self._most = THOROUGH.most if most is None else most
         self.problem = problem
         self.effects = [effect for effect in effects if not effect.windowed]
         self.held = held
@@ -114,12 +124,21 @@ class StructureSearch:
 
     def search(self) -> list[Ranked]:
         """All models worth a look, fitted, best first."""
-        quick = self._pass(QUICK, "looking for the richest model")
+        quick = self._pass(QUICK._replace(most=self._most), "looking for the richest model")
         richest = max(quick.values(), key=lambda model: model.score)
         self.problem.heed(richest)
         limit = self.problem.stray(richest)
-        self.pool = self._pass(THOROUGH, "searching physics and numbers together")
-        ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
+        self.pool = self._pass(
+            THOROUGH._replace(most=self._most), "searching physics and numbers together"
+        )
+        order = {effect.label: k for k, effect in enumerate(self.effects)}
+
+        def place(model: Model) -> tuple[float, float]:
+            """By merit; what differs by less than chance stands as in the catalogue."""
+            first = sum(order[label] for label in model.labels)
+            return -round(self.merit(model) / TIED), first
+
+        ranked = sorted(self.pool.values(), key=place)
         return [
             Ranked(
                 model,
@@ -149,9 +168,9 @@ class StructureSearch:
         return model.score - self.price(model.effects)
 
     def _pass(self, effort: Effort, stage: str) -> dict[frozenset[str], Model]:
-        fit = self.problem.fit if effort is THOROUGH else self.problem.guessed
+        fit = self.problem.fit if effort.beam > 1 else self.problem.guessed
         first = fit((), self.problem.nothing())
-        if effort is THOROUGH:
+        if effort.beam > 1:
             first = self.problem.freed(first)
         found = {first.labels: first}
         beam = [first]
@@ -163,7 +182,7 @@ class StructureSearch:
                 self.tick(f"{stage}, round {depth + 1}", done, len(trials))
                 self._visit(found, effects, base, fit)
             self.tick(f"{stage}, round {depth + 1}", len(trials), len(trials))
-            if effort is THOROUGH:
+            if effort.beam > 1:
                 self._free(found, freed)
                 self._simplify(found, beam)
             beam = sorted(found.values(), key=self._worth(effort), reverse=True)[: effort.beam]
@@ -173,7 +192,7 @@ class StructureSearch:
 
     def _worth(self, effort: Effort):  # type: ignore[no-untyped-def]
         """What a pass orders models by: all of them cost alike until the rows have been counted."""
-        return self.merit if effort is THOROUGH else lambda model: model.score
+        return self.merit if effort.beam > 1 else lambda model: model.score
 
     def _visit(
         self,

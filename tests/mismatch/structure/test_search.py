@@ -1,0 +1,85 @@
+"""Physics and numbers found together: pairs that help only together, and nothing where nothing is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shaftline.mismatch.structure.search import Ranked, StructureSearch, chosen, total
+
+from .rigs import COULOMB, INERTIA, effects, motor, problem, run, searched
+
+OPEN = "prime_mover.open_circuit_fraction"
+
+
+def test_a_pair_is_found_with_the_inertia_that_the_file_has_wrong() -> None:
+    """An open armature and dry friction: in one direction a linear law takes up either."""
+    truth = {OPEN: 1.0, COULOMB: 0.02, INERTIA: 1.6e-3}
+    ids = ("open-circuit", "coulomb-friction", "viscous-friction", "supply-limit", "torque-offset",
+           "speed-sensor-lag", "quadratic-drag")  # fmt: skip
+    search, ranked = searched(motor(), run(truth, 1), run(truth, 2), ids=ids)
+    before = search.problem.held_error(search.problem.nothing(), search.held)
+    best, alike = chosen(ranked, before)
+    found = {p.effect.id: p.values[0] for p in best.model.effects}
+    assert set(found) == {"open-circuit", "coulomb-friction"}
+    # it never turns astern: an offset of the torque is the same, and said to be
+    assert [sorted(one.model.labels) for one in alike] == [
+        ["open-circuit (motor)", "torque-offset (motor)"]
+    ]
+    assert found["open-circuit"] == pytest.approx(1.0, abs=0.03)
+    assert found["coulomb-friction"] == pytest.approx(0.02, rel=0.05)
+    numbers = dict(zip([d.key for d in search.problem.doubts], best.model.numbers, strict=True))
+    assert 1e-3 * np.exp(numbers[INERTIA]) == pytest.approx(1.6e-3, rel=0.05)
+    assert float(best.held[0]) < 0.35 < 0.05 * float(before[0])  # the noise is 0.3
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_nothing_is_named_where_nothing_is_missing(seed: int) -> None:
+    search, ranked = searched(motor(), run(seed=seed), run(seed=seed + 1))
+    before = search.problem.held_error(search.problem.nothing(), search.held)
+    best, alike = chosen(ranked, before)
+    assert best.model.effects == ()
+    assert alike == []
+    assert np.abs(best.model.numbers).max() < 0.02
+
+
+def test_effects_cost_more_the_more_there_are() -> None:
+    own, rows = problem(motor(), run(seed=1), run(seed=2))
+    search = StructureSearch(own, effects(motor()), rows)
+    one = [next(own.trial_ship.trials(e, [])) for e in search.effects[:3]]
+    prices = [search.price(tuple(one[:k])) for k in range(4)]
+    assert prices[0] == 0.0
+    kinds = len({e.kind for e in search.effects})
+    assert prices[1] == pytest.approx(
+        search.threshold(one[0].effect) + 2.0 * np.log(kinds), rel=1e-12
+    )
+    assert np.all(np.diff(prices) > 15.0)
+
+
+def _ranked(size: int, *held: float) -> Ranked:
+    class Sized:
+        def __init__(self) -> None:
+            self.size = size
+
+    errors = np.array(held)
+    return Ranked(Sized(), -float(size), errors, errors)  # type: ignore[arg-type]
+
+
+def test_the_simplest_within_five_percent_of_the_best_is_chosen() -> None:
+    large, small, poor = _ranked(3, 1.0), _ranked(1, 1.04), _ranked(0, 1.2)
+    best, alike = chosen([large, small, poor], np.array([10.0]))
+    assert best is small
+    assert alike == []
+    twin = _ranked(1, 1.02)
+    best, alike = chosen([large, small, twin, poor], np.array([10.0]))
+    assert (best, alike) == (small, [twin])
+
+
+def test_a_model_that_follows_a_channel_worse_than_the_file_is_left_out() -> None:
+    better_in_one, honest = _ranked(1, 0.1, 3.0), _ranked(1, 0.9, 0.9)
+    assert chosen([better_in_one, honest], np.array([1.0, 1.0]))[0] is honest
+
+
+def test_the_error_of_several_channels_is_their_geometric_mean() -> None:
+    assert total(np.array([2.0, 8.0]), np.array([1.0, 1.0])) == pytest.approx(4.0)
+    assert total(np.array([np.inf, 1.0]), np.array([1.0, 1.0])) == np.inf
