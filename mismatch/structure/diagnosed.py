@@ -24,10 +24,12 @@ from ..search.selection import Candidate, Selection
 from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
+from .choice import Ranked, chosen
 from .doubts import Doubt
+from .model import Model
 from .naming import FAR, named
-from .output_error import Model, OutputError
-from .search import Ranked, StructureSearch, chosen
+from .output_error import OutputError
+from .search import StructureSearch
 
 OF_NOISE = 2.0
 """Times the noise of every channel up to which the error on data set aside counts as explained."""

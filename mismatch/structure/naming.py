@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from ..search.selection import TELL_APART
 from .doubts import Doubt
-from .output_error import Model
+from .model import Model
 from .search import StructureSearch
 
 FAR = 3.0

@@ -279,7 +279,7 @@ class OutputError:
     def scaled(self, error: Floats) -> Floats:
         """Square roots of the weights with which rows enter a least-squares problem at some errors."""
         share = self.counts / np.sum(self.weights, axis=1) / self._power(error)
-        return np.sqrt(self.weights * share[:, None])
+        return np.asarray(np.sqrt(self.weights * share[:, None]))
 
     @staticmethod
     def _normal(
@@ -294,7 +294,7 @@ class OutputError:
     ) -> Floats:
         """What each coordinate moves of the simulated channels on the fitted rows."""
         steps = search.steps
-        felt = np.flatnonzero(steps > 0.0)
+        felt = np.flatnonzero(steps > 0.0).tolist()
 
         def moved(k: int) -> Floats:
             trial = point.copy()

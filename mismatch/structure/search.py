@@ -22,9 +22,10 @@ from ..progress import Tick, silent
 from ..search.effect import Effect
 from ..search.placed import Placed
 from ..search.selection import threshold
-from .output_error import Model, OutputError
+from .choice import Ranked
+from .model import Floats, Model
+from .output_error import OutputError
 
-Floats = NDArray[np.float64]
 Fitting = Callable[[tuple[Placed, ...], Model], Model]
 
 
@@ -47,17 +48,8 @@ PAIRED = 14
 IDLE = 0.5
 """Gain in 2 log L foretold below which an effect is not tried."""
 
-TIED = 1.0
-"""Difference in 2 log L within which models are as good as each other."""
-
 FREED = 5
 """Models of a round, the most worth first, whose numbers are tried from far as well."""
-
-FINALISTS = 24
-"""Models that are judged on the data set aside, the most worth first."""
-
-NEAR_BEST = 1.05
-"""Times the least error on data set aside that a simpler model may have and still be chosen."""
 
 
 @dataclass(frozen=True)
@@ -77,23 +69,6 @@ class Screened:
     def gain(self) -> float:
         """Foretold, of the best start."""
         return self.starts[0][0]
-
-
-@dataclass(frozen=True)
-class Ranked:
-    """A model of the search, and what it is worth.
-
-    Args:
-        model: fitted.
-        merit: its 2 log L less what its effects and the search for them cost.
-        held: its error on the data set aside, by channel, in the channels' units.
-        compared: the same with rows that are far off counting no more than others that are.
-    """
-
-    model: Model
-    merit: float
-    held: Floats
-    compared: Floats
 
 
 class StructureSearch:
@@ -131,20 +106,15 @@ class StructureSearch:
         self.pool = self._pass(
             THOROUGH._replace(most=self._most), "searching physics and numbers together"
         )
+        ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
         order = {effect.label: k for k, effect in enumerate(self.effects)}
-
-        def place(model: Model) -> tuple[float, float]:
-            """By merit; what differs by less than chance stands as in the catalogue."""
-            first = sum(order[label] for label in model.labels)
-            return -round(self.merit(model) / TIED), first
-
-        ranked = sorted(self.pool.values(), key=place)
         return [
             Ranked(
                 model,
                 self.merit(model),
                 self.problem.held_error(model, self.held),
                 self.problem.held_error(model, self.held, limit),
+                sum(order[label] for label in model.labels),
             )
             for model in ranked
         ]
@@ -190,7 +160,7 @@ class StructureSearch:
                 break
         return found
 
-    def _worth(self, effort: Effort):  # type: ignore[no-untyped-def]
+    def _worth(self, effort: Effort) -> Callable[[Model], float]:
         """What a pass orders models by: all of them cost alike until the rows have been counted."""
         return self.merit if effort.beam > 1 else lambda model: model.score
 
@@ -314,33 +284,3 @@ def _pairs(screened: list[Screened], left: Floats) -> list[tuple[Placed, Placed]
             ranked.append((float(size @ rhs), one.starts[0][1], other.starts[0][1]))
     ranked.sort(key=lambda pair: -pair[0])
     return [(one, other) for _, one, other in ranked]
-
-
-def total(held: Floats, best: Floats) -> float:
-    """Error on data set aside over a best one, the channels' geometric mean."""
-    return float(np.exp(np.mean(np.log(held / best)))) if np.isfinite(held).all() else math.inf
-
-
-def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
-    """The simplest model that is within :data:`NEAR_BEST` of the best on the data set aside.
-
-    Args:
-        ranked: by merit, best first; the :data:`FINALISTS` first and the best of each size run.
-        before: error of the file's ship there, by channel. What follows a channel worse is left out.
-
-    Returns:
-        The model, and others as good and no larger, which the recordings cannot tell from it.
-    """
-    runners = list(ranked[:FINALISTS])
-    for size in {one.model.size for one in ranked}:
-        best = next(one for one in ranked if one.model.size == size)
-        if best not in runners:
-            runners.append(best)
-    runners = [one for one in runners if np.all(one.held <= NEAR_BEST * before)] or runners
-    scale = runners[0].compared
-    errors = [total(one.compared, scale) for one in runners]
-    least = min(errors)
-    near = [one for one, error in zip(runners, errors, strict=True) if error <= NEAR_BEST * least]
-    smallest = min(one.model.size for one in near)
-    alike = [one for one in near if one.model.size == smallest]
-    return alike[0], alike[1:]

@@ -1,0 +1,234 @@
+"""Real rigs of other people: what is said of each where physics and numbers are searched together.
+
+Run ``python -m shaftline.studies.rigs --recordings FOLDER --out docs/results``; takes about ten minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ..core.files import read_text, toml_of, write_atomically, write_text
+from ..display.tables import markdown
+from ..mismatch import Diagnosis, Options, diagnose
+from ..mismatch.recordings.joint import Recorded
+from ..plant import Ship, load_ship
+from .emps import runs as emps
+from .rov_thruster import runs as rov
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a diagnosis is given of a rig.
+
+    Args:
+        ship: as its file has it.
+        fitted: recordings that are fitted.
+        unseen: recordings that are judged on.
+        columns: column map, or none.
+    """
+
+    ship: Ship
+    fitted: list[Recorded]
+    unseen: list[Recorded]
+    columns: Path | None = None
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A rig and what is known of it.
+
+    Args:
+        title: in a few words.
+        folder: below that of all recordings.
+        load: reads what a diagnosis is given.
+        missing: what the file lacks, as its owners or independent fits have it.
+        bound: rms error on the unseen runs that independent fits reach, in ``unit``; or in words.
+        unit: of the error.
+        scale: of the error in the channel's unit to one in ``unit``.
+        trap: what would have looked better, or right.
+    """
+
+    title: str
+    folder: str
+    load: Callable[[Path], Given]
+    missing: str
+    bound: str
+    unit: str
+    scale: float
+    trap: str
+
+
+def _generator(folder: Path) -> Given:
+    """The motor with a generator: the first half is fitted, the second is unseen."""
+    table = pd.read_csv(folder / "data.csv")
+    test = table["is_test"].astype(bool)
+    first = pd.DataFrame({"time_s": 0.1 * table["k"], "motor_voltage_V": table["u_volt"]})
+    first["shaft_speed_rad_s"] = (table["speed_raw"] + 144.0) * np.pi / 30.0
+    halves = [first[half].reset_index(drop=True) for half in (~test, test)]
+    return Given(load_ship(folder / "ship.toml"), halves[:1], halves[1:])
+
+
+def _pendulum(folder: Path) -> Given:
+    """The servo; its gravity hears the simulated angle, not the measured one."""
+    text = read_text(folder / "ship.toml").replace('[signals]\npendulum_angle = "rad"\n', "")
+    tree = toml_of(text.replace("pendulum_angle", "shaft_angle"), "ship.toml")
+    ship = Ship.model_validate(tree)
+    names = ("kp200_sin_sin", "kp400_sin_sin", "kp400_up_and_down")
+    unseen = ("kp400_sin_time_square", "kp200_up_and_down", "kp800_sin_sin")
+    fitted, held = ([folder / f"{n}_v.csv" for n in some] for some in (names, unseen))
+    return Given(ship, list(fitted), list(held), folder / "map.toml")
+
+
+def _positioning(folder: Path) -> Given:
+    """The positioning system without any friction or offset in its file, and its mass a guess."""
+    runs = emps.load_runs(folder)
+    none = dict.fromkeys((emps.COULOMB, emps.VISCOUS, emps.OFFSET), 0.0)
+    tables = [
+        table.iloc[::5].reset_index(drop=True) for table in (runs.estimation, runs.validation)
+    ]
+    return Given(emps.rig().with_values(none), [tables[0]], [tables[1]])
+
+
+def _thruster(folder: Path) -> Given:
+    """The ROV thruster's speed: two controllers are fitted, the third is unseen, reversals and all."""
+    columns = ["time_s", "motor_voltage_V", rov.SPEED]
+    runs = {key: table[columns] for key, table in rov.load_runs(folder).items()}
+    unseen = "2statekf1"
+    fitted = [
+        part
+        for (controller, _), table in runs.items()
+        if controller != unseen
+        for part in rov.without_reversals(table)
+    ]
+    held = [table for (controller, _), table in runs.items() if controller == unseen]
+    return Given(load_ship("rov-thruster"), list(fitted), list(held))
+
+
+RIGS = (
+    Rig("motor with a generator", "dc_motor_generator", _generator,
+        "an armature that is open at 0 V, dry friction, a lag of the reading",
+        "6.0", "rad/s", 1.0,
+        "dry friction or the open armature alone: neither helps without the other"),
+    Rig("servo with a pendulum", "servo_pendulum", _pendulum,
+        "friction that grows with the load", "0.083", "rad", 1.0,
+        "constant Coulomb friction, the second best (0.19)"),
+    Rig("motor, screw and carriage (EMPS)", "emps", _positioning,
+        "viscous and Coulomb friction, an offset of the force; the mass is 80 kg for 95",
+        "4.9 (all refitted), 9.0 (published numbers)", "mm", 1e3,
+        "friction by direction fits the first run better (1.7) and the other worse (7.3)"),
+    Rig("ROV thruster", "rov_thruster", _thruster,
+        "a dead zone of the drive: 0.83 V astern, 0.86 V ahead by its owners",
+        "unknown: the tachometer's sign is guessed in reversals", "rad/s", 1.0,
+        "the same without the rows of the reversals: a few rad/s"),
+)  # fmt: skip
+
+
+def errors(found: Diagnosis) -> tuple[float, float]:
+    """Rms error of the first channel on the unseen runs: file's ship, corrected ship."""
+    rows = np.zeros(len(found.time_s), dtype=bool)
+    for start, end in found.held_out:
+        rows |= (found.time_s >= start - 1e-9) & (found.time_s < end - 1e-9)
+    channel = next(iter(found.measured))
+    before, after = (
+        float(np.sqrt(np.mean((found.measured[channel] - run[channel])[rows] ** 2)))
+        for run in (found.before, found.after)
+    )
+    return before, after
+
+
+def names(found: Diagnosis) -> str:
+    """What was named, with sizes, and what cannot be told from it."""
+    said = []
+    for finding in found.findings:
+        first = finding.estimates[0]
+        others = dict.fromkeys(c.effect.id for c in finding.rivals)
+        others.pop(finding.effect.id, None)
+        words = f"{finding.effect.label} {first.value:.3g} {first.unit}"
+        said.append(f"{words} (or {', '.join(others)})" if others else words)
+    return "; ".join(said) or "nothing"
+
+
+def row(rig: Rig, folder: Path) -> dict[str, object]:
+    """One rig, diagnosed by either search and judged on its unseen runs."""
+    given = rig.load(folder / rig.folder)
+    found = {
+        joint: diagnose(
+            given.ship, *given.fitted, hold_out=given.unseen,
+            options=Options(columns=given.columns, joint=joint),
+        )
+        for joint in (False, True)
+    }  # fmt: skip
+    before, after = errors(found[True])
+    moved = [f"{n.key} {n.file:.3g} to {n.value:.3g}" for n in found[True].numbers]
+    return {
+        "rig": rig.title,
+        "missing": rig.missing,
+        "verdict": found[True].verdict,
+        "named": names(found[True]),
+        "numbers_moved": "; ".join(moved) or "none",
+        "unit": rig.unit,
+        "file": rig.scale * before,
+        "numbers_first": rig.scale * errors(found[False])[1],
+        "together": rig.scale * after,
+        "bound": rig.bound,
+        "numbers_first_named": names(found[False]),
+        "numbers_first_verdict": found[False].verdict,
+        "trap": rig.trap,
+    }
+
+
+def body(table: pd.DataFrame) -> str:
+    """The page."""
+    errors_of = table[["rig", "unit", "file", "numbers_first", "together", "bound"]]
+    said = table[["rig", "missing", "verdict", "named", "numbers_moved"]]
+    before = table[["rig", "numbers_first_verdict", "numbers_first_named"]]
+    return "\n\n".join(
+        [
+            "# Real rigs: physics and numbers searched together",
+            "Made by `python -m shaftline.studies.rigs --recordings FOLDER --out docs/results`. Each "
+            "rig's file is handed over as a stranger would write it; what is fitted and what is unseen stands "
+            "in `studies/rigs.py`. All errors are rms, free-running, on runs that were not fitted; each "
+            "such run starts from a first state that its own first rows tell, wherever both searches "
+            "are compared with *file* as well.",
+            "## Errors on unseen runs",
+            "*file*: the ship as given. *numbers first*: `shaftline diagnose`. *together*: "
+            "`shaftline diagnose --joint`. *bound*: what independent fits of the same data reach.",
+            markdown(errors_of, 3),
+            "## What is said, and what is missing",
+            markdown(said, 3),
+            "## What the search that moves numbers first says",
+            markdown(before, 3),
+            "## Traps",
+            "\n".join(f"- {one.title}: {one.trap}." for one in RIGS),
+        ]
+    )
+
+
+def main() -> None:
+    """Diagnose every rig that is there, and write ``rigs.md`` and ``rigs.csv``."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--recordings", type=Path, required=True, help="folder with one a rig")
+    parser.add_argument("--out", type=Path, default=Path("out/rigs"), help="folder")
+    options = parser.parse_args()
+    rows = []
+    for rig in RIGS:
+        print(f"{rig.title} ...", flush=True)
+        rows.append(row(rig, options.recordings))
+        print(f"  {rows[-1]['verdict']}: {rows[-1]['named']}", flush=True)
+    table = pd.DataFrame(rows)
+    options.out.mkdir(parents=True, exist_ok=True)
+    write_atomically(
+        options.out / "rigs.csv", lambda file: table.to_csv(file, index=False, float_format="%.4g")
+    )
+    write_text(options.out / "rigs.md", body(table) + "\n")
+    print(f"page: {options.out / 'rigs.md'}")
+
+
+if __name__ == "__main__":
+    main()
