@@ -192,10 +192,10 @@ def body(table: pd.DataFrame) -> str:
         [
             "# Real rigs: physics and numbers searched together",
             "Made by `python -m shaftline.studies.rigs --recordings FOLDER --out docs/results`. Each "
-            "rig's file is handed over as a stranger would write it; what is fitted and what is unseen stands "
-            "in `studies/rigs.py`. All errors are rms, free-running, on runs that were not fitted; each "
-            "such run starts from a first state that its own first rows tell, wherever both searches "
-            "are compared with *file* as well.",
+            "rig's file is handed over as a stranger would write it; what is fitted and what is unseen "
+            "stands in `studies/rigs.py`. All errors are rms, free-running, on runs that were not "
+            "fitted. With *together*, each such run starts from a state that its own first rows tell; "
+            "else from the mean over 40 time steps.",
             "## Errors on unseen runs",
             "*file*: the ship as given. *numbers first*: `shaftline diagnose`. *together*: "
             "`shaftline diagnose --joint`. *bound*: what independent fits of the same data reach.",

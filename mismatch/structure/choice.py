@@ -42,6 +42,11 @@ class Ranked:
     place: int = 0
 
 
+def _pays(one: Ranked, ranked: list[Ranked]) -> bool:
+    """Whether all of a model's effects pay their price: no part of them is worth more than the whole."""
+    return not any(o.model.labels < one.model.labels and o.merit > one.merit for o in ranked)
+
+
 def total(held: Floats, best: Floats) -> float:
     """Error on data set aside over a best one, the channels' geometric mean."""
     return float(np.exp(np.mean(np.log(held / best)))) if np.isfinite(held).all() else math.inf
@@ -63,6 +68,7 @@ def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
         best = next(one for one in ranked if one.model.size == size)
         if best not in runners:
             runners.append(best)
+    runners = [one for one in runners if _pays(one, ranked)]
     runners = [one for one in runners if np.all(one.held <= NEAR_BEST * before)] or runners
     scale = runners[0].compared
     errors = [total(one.compared, scale) for one in runners]

@@ -26,10 +26,10 @@ from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, chosen
 from .doubts import Doubt
-from .model import Model
-from .naming import FAR, named
+from .model import Floats, Model
+from .naming import named
 from .output_error import OutputError
-from .search import StructureSearch
+from .search import FAR, StructureSearch
 
 OF_NOISE = 2.0
 """Times the noise of every channel up to which the error on data set aside counts as explained."""
@@ -82,7 +82,7 @@ def diagnosed_jointly(
     selection = _selection(moved, fit, best, alike, ranked, search)
     shares = [w.ratios(f) for w, f in ((setting.whiteness, fitter.null), (whiteness, fit))]
     before, after = (float(np.maximum(s - 1.0, 0.0).sum()) for s in shares)
-    verdict = _verdict(best, plain, problem, whiteness, fit)
+    verdict = _verdict(best, nothing if replaced else plain.held, problem, whiteness, fit)
 
     holds = verdict in (EXPLAINED, PARTLY)
     corrected = moved.trial_ship.corrected(fit.effects) if holds or not model.effects else file
@@ -151,7 +151,7 @@ def _with_numbers(file: Ship, problem: OutputError, model: Model) -> Ship:
 
 
 def _verdict(
-    best: Ranked, plain: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit
+    best: Ranked, plain: Floats, problem: OutputError, whiteness: Whiteness, fit: Fit
 ) -> str:
     """What may be said of the model that was chosen."""
     noise = np.array([problem.replay.noise_rms[c] for c in problem.names])
@@ -160,7 +160,7 @@ def _verdict(
     if not best.model.effects:
         return NOTHING if quiet or white else UNEXPLAINED
     # geometric mean over the channels: what is better in one is not worse in another
-    share = float(np.exp(np.mean(np.log(best.held / plain.held))))
+    share = float(np.exp(np.mean(np.log(best.held / plain))))
     if share > BETTER and not (quiet or white):
         return UNEXPLAINED
     bounded = any(at_bound(problem.trial_ship, placed) for placed in fit.effects)
@@ -249,11 +249,12 @@ def _numbers(file: Ship, problem: OutputError, model: Model, corrected: Ship) ->
     return found
 
 
-def _wrong(file: Ship, replaced: dict[str, Doubt], finding: Finding) -> WrongNumber | None:
+def _wrong(file: Ship, replaced: dict[str, list[Doubt]], finding: Finding) -> WrongNumber | None:
     """The number of the file that would explain a finding as well."""
-    doubt = replaced.get(finding.effect.label)
-    if doubt is None:
+    doubts = replaced.get(finding.effect.label, [])
+    if len(doubts) != 1:
         return None
+    doubt = doubts[0]
     number = file.number(doubt.key)
     return WrongNumber(doubt.key, number.value, doubt.value, number.info.unit, finding.score)
 

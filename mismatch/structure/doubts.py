@@ -17,13 +17,13 @@ from ...plant.ship import Ship
 from ..simulate.joint_replay import JointReplay
 from ..simulate.tolerances import tolerance_moves
 
-WRONG = 0.1
+WRONG = 0.01
 """Chance that a number of a file lies outside what its tolerance says."""
 
 FAR = 0.7
 """Standard deviation of the logarithm of such a number: one in three is off by more than a factor 2."""
 
-FAR_SHIFT = 10.0
+FAR_SHIFT = 30.0
 """The same of a number whose tolerance is a shift and no share, in that tolerance."""
 
 

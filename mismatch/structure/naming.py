@@ -13,10 +13,7 @@ from dataclasses import replace
 from ..search.selection import TELL_APART
 from .doubts import Doubt
 from .model import Model
-from .search import StructureSearch
-
-FAR = 3.0
-"""Tolerances beyond which a number has moved far."""
+from .search import FAR, StructureSearch
 
 PLAUSIBLE = math.log(1.5)
 """Logarithm of the factor by which physics may change a number; beyond it the file is wrong."""
@@ -25,47 +22,63 @@ TRIED = 5
 """Effects that are tried in a number's stead, the best foretold first."""
 
 
-def named(search: StructureSearch, model: Model) -> tuple[Model, dict[str, Doubt]]:
+def named(search: StructureSearch, model: Model) -> tuple[Model, dict[str, list[Doubt]]]:
     """A model with physics in the stead of numbers that moved far, where that fits as well.
+
+    A file of which a number is off by more than physics could be was guessed: its numbers stay numbers.
 
     Args:
         search: that has found the model; numbers that were replaced are held near the file from then on.
         model: the chosen one.
 
     Returns:
-        The model, and by the label of each effect that stands for a number, that number.
+        The model, and by the label of each effect that stands for numbers, those numbers.
     """
-    problem, replaced = search.problem, {}
-    far = sorted(
-        range(len(problem.doubts)), key=lambda k: -abs(_shift(problem.doubts[k], model, k))
-    )
-    for k in far:
-        doubt = problem.doubts[k]
-        moved = float(model.numbers[k])
-        if abs(_shift(doubt, model, k)) <= FAR or doubt.wrong == 1.0:
+    doubts, replaced = search.problem.doubts, {}
+    far = _far(search, model)
+    if any(doubts[k].wrong == 1.0 for k in far):
+        return model, {}
+    if any(doubts[k].share and abs(model.numbers[k]) > PLAUSIBLE for k in far):
+        return model, {}
+    together = [far] if len(far) > 1 else []
+    for group in (*together, *([k] for k in far)):
+        if not set(group) <= set(_far(search, model)):
+            continue  # replaced already
+        found = _instead(search, model, group)
+        if found is None:
             continue
-        if doubt.share and abs(moved) > PLAUSIBLE:
-            continue
-        problem.doubts[k] = replace(doubt, wrong=0.0)
-        numbers = model.numbers.copy()
-        numbers[k] = 0.0
-        held = problem.fit(model.effects, replace(model, numbers=numbers))
-        found = [
-            problem.fit((*held.effects, one.starts[0][1]), held)
-            for one in search.screen(held)[:TRIED]
-        ]
-        best = max(found, key=lambda one: one.score, default=held)
-        # the number's own price is the chance that the file is wrong
-        if best.score + TELL_APART < model.score + doubt.penalty(moved):
-            problem.doubts[k] = doubt
-            continue
-        label = next(iter(best.labels - model.labels), "")
-        if not label or abs(_shift(doubt, best, k)) > FAR:
-            problem.doubts[k] = doubt
-            continue
-        model, replaced[label] = best, replace(doubt, value=doubt.at(moved))
+        (label,) = found.labels - model.labels
+        was = [replace(doubts[k], value=doubts[k].at(float(model.numbers[k]))) for k in group]
+        model, replaced[label] = found, was
     return model, replaced
 
 
-def _shift(doubt: Doubt, model: Model, k: int) -> float:
-    return float(model.numbers[k]) / doubt.near
+def _far(search: StructureSearch, model: Model) -> list[int]:
+    """Numbers that moved far, by index, the farthest first."""
+    shifts = [
+        abs(float(moved)) / doubt.near
+        for doubt, moved in zip(search.problem.doubts, model.numbers, strict=True)
+    ]
+    return [k for k in sorted(range(len(shifts)), key=lambda k: -shifts[k]) if shifts[k] > FAR]
+
+
+def _instead(search: StructureSearch, model: Model, group: list[int]) -> Model | None:
+    """The model with one effect more and some numbers held near the file, if it fits as well."""
+    problem = search.problem
+    before = list(problem.doubts)
+    price = sum(before[k].penalty(float(model.numbers[k])) for k in group)
+    numbers = model.numbers.copy()
+    for k in group:
+        problem.doubts[k] = replace(before[k], wrong=0.0)
+        numbers[k] = 0.0
+    held = problem.fit(model.effects, replace(model, numbers=numbers))
+    found = [
+        problem.fit((*held.effects, one.starts[0][1]), held) for one in search.screen(held)[:TRIED]
+    ]
+    best = max(found, key=lambda one: one.score, default=held)
+    # the numbers' own price is the chance that the file is wrong
+    worse = best.score + TELL_APART < model.score + price
+    if worse or len(best.effects) == len(model.effects) or set(group) & set(_far(search, best)):
+        problem.doubts[:] = before
+        return None
+    return best

@@ -14,7 +14,8 @@ coordinates, inside bounds: relative steps vanish at neutral values.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -224,6 +225,24 @@ class OutputError:
             begin: a model whose numbers and nuisance are the start.
         """
         return self._descended(effects, begin)
+
+    def near(self, model: Model, which: Collection[int] | None = None) -> Model:
+        """A model with some numbers held near the file, all by default, and everything else fitted.
+
+        Its score has no chance that the file is wrong in these.
+
+        Args:
+            model: where the rest starts.
+            which: numbers by index.
+        """
+        before, numbers = list(self.doubts), model.numbers.copy()
+        for k in range(len(before)) if which is None else which:
+            self.doubts[k] = replace(before[k], wrong=0.0)
+            numbers[k] = 0.0
+        try:
+            return self.fit(model.effects, replace(model, numbers=numbers))
+        finally:
+            self.doubts[:] = before
 
     def guessed(self, effects: tuple[Placed, ...], begin: Model) -> Model:
         """The same as if all numbers had been guessed."""

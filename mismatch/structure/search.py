@@ -41,6 +41,11 @@ class Effort(NamedTuple):
 
 QUICK = Effort(kinds=4, starts=1, pairs=2, beam=1, most=3)
 THOROUGH = Effort(kinds=8, starts=2, pairs=4, beam=3, most=3)
+NEARBY = Effort(kinds=8, starts=1, pairs=0, beam=1, most=3)
+"""From a model whose numbers are held near the file, where they have moved far."""
+
+FAR = 3.0
+"""Tolerances beyond which a number has moved far."""
 
 PAIRED = 14
 """Effects of a screen, the best first, of which pairs are looked at."""
@@ -90,6 +95,7 @@ class StructureSearch:
         tick: Tick = silent,
         most: int | None = None,
     ) -> None:
+        self._near = np.array([doubt.near for doubt in problem.doubts])
         self._most = THOROUGH.most if most is None else most
         self.problem = problem
         self.effects = [effect for effect in effects if not effect.windowed]
@@ -209,23 +215,35 @@ class StructureSearch:
                         self._visit(found, effects, model, self.problem.fit)
 
     def _trials(self, beam: list[Model], effort: Effort) -> list[tuple[Model, tuple[Placed, ...]]]:
-        """Models to fit, from each of the beam."""
+        """Models to fit, from each of the beam.
+
+        Where numbers have moved far, they may have taken up what an effect does: what the model lacks
+        with its numbers near the file is tried as well.
+        """
         trials: list[tuple[Model, tuple[Placed, ...]]] = []
         for base in beam:
             if len(base.effects) >= effort.most:
                 continue
-            screened, left = self._screen(base)
-            kinds: dict[tuple[str, str], int] = {}
-            for one in screened:
-                forms = kinds.get(one.effect.kind, 0)
-                if forms >= effort.starts or (not forms and len(kinds) >= effort.kinds):
-                    continue
-                kinds[one.effect.kind] = forms + 1
-                for _, placed in one.starts[: effort.starts]:
-                    trials.append((base, (*base.effects, placed)))
-            if len(base.effects) + 2 <= effort.most:
-                for pair in _pairs(screened[:PAIRED], left)[: effort.pairs]:
-                    trials.append((base, (*base.effects, *pair)))
+            trials += self._upon(base, effort)
+            if effort.beam > 1 and np.any(np.abs(base.numbers) > FAR * self._near):
+                trials += self._upon(self.problem.near(base), NEARBY._replace(most=effort.most))
+        return trials
+
+    def _upon(self, base: Model, effort: Effort) -> list[tuple[Model, tuple[Placed, ...]]]:
+        """What a straight line foretells to help a model, and pairs that help together."""
+        trials: list[tuple[Model, tuple[Placed, ...]]] = []
+        screened, left = self._screen(base)
+        kinds: dict[tuple[str, str], int] = {}
+        for one in screened:
+            forms = kinds.get(one.effect.kind, 0)
+            if forms >= effort.starts or (not forms and len(kinds) >= effort.kinds):
+                continue
+            kinds[one.effect.kind] = forms + 1
+            for _, placed in one.starts[: effort.starts]:
+                trials.append((base, (*base.effects, placed)))
+        if len(base.effects) + 2 <= effort.most:
+            for pair in _pairs(screened[:PAIRED], left)[: effort.pairs]:
+                trials.append((base, (*base.effects, *pair)))
         return trials
 
     def _screen(self, base: Model) -> tuple[list[Screened], Floats]:
