@@ -69,6 +69,9 @@ results: $(INSTALLED)
 	if [ -d "$(SHAFTLINE_DATA)/recordings/emps" ]; then \
 	    $(BIN)/python -m shaftline.studies.emps --out docs/results \
 	        --recordings "$(SHAFTLINE_DATA)/recordings/emps"; fi
+	if [ -d "$(SHAFTLINE_DATA)/recordings/dc_motor_generator" ]; then \
+	    $(BIN)/python -m shaftline.studies.rigs --out docs/results \
+	        --recordings "$(SHAFTLINE_DATA)/recordings"; fi
 	if [ -d "$(SHAFTLINE_DATA)/recordings/esso_osaka" ]; then \
 	    $(BIN)/python -m shaftline.studies.esso_osaka_model --out docs/results \
 	        --recordings "$(SHAFTLINE_DATA)/recordings/esso_osaka"; fi

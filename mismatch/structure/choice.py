@@ -10,7 +10,7 @@ import numpy as np
 from ..search.selection import TELL_APART
 from .model import Floats, Model
 
-TIED = 1.0
+TIED = TELL_APART
 """Difference in 2 log L within which models are as good as each other: the catalogue's order decides."""
 
 FINALISTS = 24
@@ -83,7 +83,7 @@ def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
         for one, error in zip(runners, errors, strict=True)
         if one.model.size <= smallest
         and NEAR_BEST * least < error <= OPEN_TO * least
-        and one.merit > clear + TELL_APART
+        and one.merit > clear + TIED
     ]
     top = max(one.merit for one in alike)
     best = min((one for one in alike if one.merit >= top - TIED), key=lambda one: one.place)

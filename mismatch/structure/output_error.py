@@ -217,15 +217,6 @@ class OutputError:
         starts = np.where(self.starts > 0.0, START_LOOSE, FIXED)
         return np.concatenate([starts, np.full(len(self.names), SKEW_ROWS**-2.0)])
 
-    def fit(self, effects: tuple[Placed, ...], begin: Model) -> Model:
-        """Fit all free values together.
-
-        Args:
-            effects: at the values from which they start.
-            begin: a model whose numbers and nuisance are the start.
-        """
-        return self._descended(effects, begin)
-
     def near(self, model: Model, which: Collection[int] | None = None) -> Model:
         """A model with some numbers held near the file, all by default, and everything else fitted.
 
@@ -244,25 +235,25 @@ class OutputError:
         finally:
             self.doubts[:] = before
 
-    def guessed(self, effects: tuple[Placed, ...], begin: Model) -> Model:
-        """The same as if all numbers had been guessed."""
-        return self._descended(effects, begin, guessed=True)
-
     def freed(self, model: Model) -> Model:
         """A model fitted anew from where it comes to if all numbers were guessed, if that is better.
 
         A number that is a little off is held by its tolerance; far off it may be right.
         """
-        wide = self._descended(model.effects, model, guessed=True)
-        return max(model, self._descended(wide.effects, wide), key=lambda one: one.score)
+        wide = self.fit(model.effects, model, guessed=True)
+        return max(model, self.fit(wide.effects, wide), key=lambda one: one.score)
 
-    def _descended(self, effects: tuple[Placed, ...], begin: Model, guessed: bool = False) -> Model:
-        """Gauss and Newton's steps to a nearby maximum, if so asked with the far priors alone."""
+    def fit(self, effects: tuple[Placed, ...], begin: Model, guessed: bool = False) -> Model:
+        """Fit all free values together.
+
+        Args:
+            effects: at the values from which they start.
+            begin: a model whose numbers and nuisance are the start.
+            guessed: whether the file's tolerances are left aside.
+        """
         search = Coordinates(self, effects, begin)
-        point, (values, slopes) = (
-            search.start,
-            self.channels(effects, begin.numbers, begin.nuisance),
-        )
+        point = search.start
+        values, slopes = self.channels(effects, begin.numbers, begin.nuisance)
         error = (self._measured - values)[:, self.rows]
         score = self.score(error, begin.numbers, begin.nuisance, guessed)
         columns, precision = np.zeros((len(point), *error.shape)), search.precision(point, guessed)

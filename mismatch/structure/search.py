@@ -9,6 +9,7 @@ that is found, forms that are simpler are visited as well.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable
@@ -144,7 +145,7 @@ class StructureSearch:
         return model.score - self.price(model.effects)
 
     def _pass(self, effort: Effort, stage: str) -> dict[frozenset[str], Model]:
-        fit = self.problem.fit if effort.beam > 1 else self.problem.guessed
+        fit = functools.partial(self.problem.fit, guessed=effort.beam == 1)
         first = fit((), self.problem.nothing())
         if effort.beam > 1:
             first = self.problem.freed(first)

@@ -1,0 +1,80 @@
+"""A diagnosis by the joint search, from recordings to report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shaftline.mismatch import Diagnosis, Options, diagnose
+from shaftline.plant import load_ship
+from shaftline.plant.replay import simulate_recording
+
+from .rigs import COULOMB, INERTIA, motor, run
+
+OTHERS = (
+    "direction-asymmetry", "torque-offset", "quadratic-drag", "supply-limit", "speed-sensor-delay",
+    "braking-loss", "command-dead-zone", "load-friction",
+)  # fmt: skip
+JOINT = Options(joint=True, exclude=OTHERS)
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    """Dry friction that the file lacks, and an inertia that it has wrong by a quarter."""
+    truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
+    return diagnose(motor(), run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=JOINT)
+
+
+def test_friction_is_named_and_the_inertia_moved(found: Diagnosis) -> None:
+    assert [f.effect.id for f in found.findings] == ["coulomb-friction"]
+    estimate = found.findings[0].estimates[0]
+    assert estimate.value == pytest.approx(0.03, rel=0.05)
+    low, high = estimate.ci95
+    assert low < 0.03 < high
+    assert found.findings[0].score > 5.0 * found.findings[0].threshold
+    (number,) = found.numbers
+    assert number.key == INERTIA
+    assert number.value == pytest.approx(1.25e-3, rel=0.05)
+    assert number.shifts > 30.0
+
+
+def test_a_number_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagnosis) -> None:
+    assert found.verdict == "partly-explained"
+    assert any(
+        "tolerances: the file's tolerance or its number is wrong" in w for w in found.warnings
+    )
+    wide = motor().with_values({"tolerances.inertia": 0.3})
+    truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
+    sure = diagnose(wide, run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=JOINT)
+    assert sure.verdict == "explained"
+    assert [f.effect.id for f in sure.findings] == ["coulomb-friction"]
+
+
+def test_the_corrected_ship_runs_freely_within_the_noise(found: Diagnosis, tmp_path: Path) -> None:
+    found.save(tmp_path)
+    corrected = load_ship(tmp_path / "corrected_ship.toml")
+    assert corrected.number(COULOMB).value == pytest.approx(0.03, rel=0.05)
+    table = run({COULOMB: 0.03, INERTIA: 1.25e-3}, 9)
+    error = simulate_recording(corrected, table)["shaft_speed_rad_s"] - table["shaft_speed_rad_s"]
+    assert float(np.sqrt(np.mean(np.square(error[50:])))) < 0.5  # the noise is 0.3
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["verdict"] == "partly-explained"
+    assert report["effects"][0]["id"] == "coulomb-friction"
+    assert (tmp_path / "report.html").stat().st_size > 20_000
+
+
+def test_a_healthy_rig_lacks_nothing() -> None:
+    found = diagnose(motor(), run(seed=4), hold_out=[run(seed=5)], options=JOINT)
+    assert found.verdict == "nothing-missing"
+    assert found.findings == []
+
+
+def test_no_more_is_named_than_was_asked_for_and_no_number_moves_without_a_tolerance() -> None:
+    truth = {COULOMB: 0.03, "prime_mover.open_circuit_fraction": 1.0}
+    options = Options(joint=True, exclude=OTHERS, most_effects=1, tolerance=0.0)
+    found = diagnose(motor(), run(truth, 1), hold_out=[run(truth, 2)], options=options)
+    assert len(found.findings) <= 1
+    assert found.numbers == []
