@@ -1,8 +1,7 @@
 """The plant's equations of motion, put together from the parts.
 
 ``loads`` gives the torques and forces at one instant, ``evaluate`` the state's derivative under them:
-the only place where it is formed (thesis eq. 2-20). Both accept complex numbers, so that the
-linearisation can take exact derivatives by complex steps.
+the only place where it is formed (thesis eq. 2-20). Both take complex numbers, for exact linear models.
 """
 
 from __future__ import annotations
@@ -99,7 +98,6 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
     omega = state.shaft_speed
     if plant.speed_held != 0:
         omega = inputs.drive
-    # propeller in the wake
     speed, across = water_speed(plant, state.ship_speed), 0.0
     if plant.turns != 0:
         speed, across = through_water(plant, state.ship_speed, state.sway_speed, state.heading)

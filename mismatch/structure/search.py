@@ -54,6 +54,9 @@ PAIRED = 14
 IDLE = 0.5
 """Gain in 2 log L foretold below which an effect is not tried."""
 
+POLISHED = 10
+"""Models, the most worth first, that are fitted to the end before they are compared."""
+
 FREED = 5
 """Models of a round, the most worth first, whose numbers are tried from far as well."""
 
@@ -113,6 +116,8 @@ class StructureSearch:
         self.pool = self._pass(
             THOROUGH._replace(most=self._most), "searching physics and numbers together"
         )
+        for model in sorted(self.pool.values(), key=self.merit, reverse=True)[:POLISHED]:
+            self._polish(model)
         ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
         order = {effect.label: k for k, effect in enumerate(self.effects)}
         return [
@@ -193,6 +198,15 @@ class StructureSearch:
             if labels not in freed:
                 found[labels] = self.problem.freed(model)
                 freed.add(labels)
+
+    def _polish(self, model: Model) -> None:
+        """Go on from a model's values until nothing is gained, with its numbers from far as well."""
+        for _ in range(3):
+            further = self.problem.freed(self.problem.fit(model.effects, model))
+            gained, model = further.score - model.score, further
+            if gained < 0.1:
+                break
+        self.pool[model.labels] = model
 
     def _simplify(self, found: dict[frozenset[str], Model], beam: list[Model]) -> None:
         """Visit the best models with one effect less, and with simpler forms of their effects."""

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -335,20 +334,3 @@ def test_what_cannot_be_calibrated_is_refused_before_work_begins(
     )  # fmt: skip
     refused(result, *words)
     assert not (tmp_path / "out").exists()
-
-
-def test_joint_hands_the_recording_to_the_search_over_numbers_and_physics(
-    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[Any] = []
-
-    def stand_in(ship: object, *recordings: object, **given: object) -> object:
-        asked.append(given["options"])
-        return SimpleNamespace(save=lambda out: out, summary=lambda: "nothing")
-
-    monkeypatch.setattr("shaftline.mismatch.diagnose", stand_in)
-    trial(60.0).to_csv(tmp_path / "t.csv", index=False)
-    for flags in ((), ("--joint",)):
-        out = str(tmp_path / "out")
-        shaftline("diagnose", str(tmp_path / "t.csv"), "--ship", "frigate", "--out", out, *flags)
-    assert [options.joint for options in asked] == [False, True]
