@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..search.selection import TELL_APART
 from .model import Floats, Model
 
-TIED = TELL_APART
-"""Difference in 2 log L within which models are as good as each other: the catalogue's order decides."""
+TIED = 10.0
+"""Evidence in 2 log L below which models are as good as each other (Kass and Raftery 1995): the
+catalogue's order decides which of them is told first."""
 
 FINALISTS = 24
 """Models that are judged on the data set aside, the most worth first."""
@@ -77,13 +77,13 @@ def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
     smallest = min(one.model.size for one in near)
     alike = [one for one in near if one.model.size == smallest]
     clear = max(one.merit for one in alike)
-    # what the fitted data prefer and the others do not: together they do not decide
+    # what the fitted data prefer and the others do not, or nearly as much: together they do not decide
     alike += [
         one
         for one, error in zip(runners, errors, strict=True)
         if one.model.size <= smallest
         and NEAR_BEST * least < error <= OPEN_TO * least
-        and one.merit > clear + TIED
+        and one.merit > clear - TIED
     ]
     top = max(one.merit for one in alike)
     best = min((one for one in alike if one.merit >= top - TIED), key=lambda one: one.place)

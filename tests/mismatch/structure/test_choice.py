@@ -33,8 +33,11 @@ def test_what_the_fitted_data_prefer_and_the_others_do_not_stays_open() -> None:
     other, preferred = _ranked("a", 1.0), _ranked("b", 1.15, merit=20.0)
     best, alike = chosen([preferred, other], np.array([10.0]))
     assert (best, alike) == (preferred, [other])
-    worse_in_both = _ranked("b", 1.15)
+    worse_in_both = _ranked("b", 1.15, merit=-11.0)
     assert chosen([other, worse_in_both], np.array([10.0])) == (other, [])
+    hardly_worse = _ranked("b", 1.15, merit=-9.0)
+    assert chosen([other, hardly_worse], np.array([10.0])) == (other, [hardly_worse])
+    assert chosen([other, _ranked("b", 1.25, merit=20.0)], np.array([10.0])) == (other, [])
 
 
 def test_a_model_that_follows_a_channel_worse_than_the_file_is_left_out() -> None:
