@@ -53,7 +53,7 @@ def total(held: Floats, best: Floats) -> float:
 
 
 def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
-    """The simplest model that is within :data:`NEAR_BEST` of the best on the data set aside.
+    """The simplest model that is within :data:`NEAR_BEST` of the best in every channel set aside.
 
     Args:
         ranked: by merit, best first; the :data:`FINALISTS` first and the best of each size run.
@@ -73,7 +73,8 @@ def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
     scale = runners[0].compared
     errors = [total(one.compared, scale) for one in runners]
     least = min(errors)
-    near = [one for one, error in zip(runners, errors, strict=True) if error <= NEAR_BEST * least]
+    leader = runners[errors.index(least)].compared
+    near = [one for one in runners if np.all(one.compared <= NEAR_BEST * leader)]
     smallest = min(one.model.size for one in near)
     alike = [one for one in near if one.model.size == smallest]
     clear = max(one.merit for one in alike)
@@ -82,7 +83,8 @@ def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
         one
         for one, error in zip(runners, errors, strict=True)
         if one.model.size <= smallest
-        and NEAR_BEST * least < error <= OPEN_TO * least
+        and one not in near
+        and error <= OPEN_TO * least
         and one.merit > clear - TIED
     ]
     top = max(one.merit for one in alike)

@@ -85,7 +85,8 @@ def diagnosed_jointly(
     verdict = _verdict(best, nothing if replaced else plain.held, problem, whiteness, fit)
 
     holds = verdict in (EXPLAINED, PARTLY)
-    corrected = moved.trial_ship.corrected(fit.effects) if holds or not model.effects else file
+    carried = holds or verdict == NOTHING
+    corrected = moved.trial_ship.corrected(fit.effects) if carried else file
     lacking = own.lacking(own.nominal)
     findings = findings_of(moved, selection, lacking) if holds else []
     findings = [
@@ -132,8 +133,8 @@ def diagnosed_jointly(
         highest_Hz=fitter.bands.highest_Hz,
         rows_averaged=replay.every,
         limits=together.limits,
-        warnings=[*together.warnings, *_remarks(best, problem, nothing)],
-        numbers=_numbers(file, problem, model, corrected),
+        warnings=[*together.warnings, *(_remarks(best, problem, nothing) if carried else [])],
+        numbers=_numbers(file, problem, model, corrected) if carried else [],
         wrong=[_wrong(file, replaced, finding) for finding in findings],
     )
 

@@ -20,7 +20,7 @@ def _ranked(labels: str, *held: float, merit: float = 0.0) -> Ranked:
 
 
 def test_the_simplest_within_five_percent_of_the_best_is_chosen() -> None:
-    large, small, poor = _ranked("abc", 1.0, merit=9.0), _ranked("d", 1.04), _ranked("", 1.2)
+    large, small, poor = _ranked("abc", 1.0, merit=9.0), _ranked("d", 1.04), _ranked("", 1.3)
     best, alike = chosen([large, small, poor], np.array([10.0]))
     assert best is small
     assert alike == []
@@ -43,6 +43,13 @@ def test_what_the_fitted_data_prefer_and_the_others_do_not_stays_open() -> None:
 def test_a_model_that_follows_a_channel_worse_than_the_file_is_left_out() -> None:
     better_in_one, honest = _ranked("a", 0.1, 3.0), _ranked("b", 0.9, 0.9)
     assert chosen([better_in_one, honest], np.array([1.0, 1.0]))[0] is honest
+
+
+def test_every_channel_has_to_come_near_the_best() -> None:
+    """In waves three channels are noise whatever the model; the fourth tells."""
+    told, plain = _ranked("a", 1.0, 1.0, 1.0, 1.0, merit=9.0), _ranked("", 1.0, 1.0, 1.0, 1.12)
+    assert chosen([told, plain], np.full(4, 2.0))[0] is told
+    assert chosen([told, _ranked("", 1.04, 1.04, 1.04, 1.04)], np.full(4, 2.0))[0].model.size == 0
 
 
 def test_the_error_of_several_channels_is_their_geometric_mean() -> None:
