@@ -79,7 +79,8 @@ class Coordinates:
         """The nearest point within the bounds."""
         found = point.copy()
         found[: self._count] = np.clip(found[: self._count], -5.0, 5.0)
-        found[self.skew : self._edge] = np.clip(found[self.skew : self._edge], -0.5, 0.5)
+        most = 0.5 / self._owner.replay.every  # of a recorded row
+        found[self.skew : self._edge] = np.clip(found[self.skew : self._edge], -most, most)
         found[self._edge :] = np.clip(found[self._edge :], self._low, self._high)
         return found
 

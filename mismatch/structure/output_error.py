@@ -34,7 +34,7 @@ from .rows import telling
 Segments = Sequence[tuple[int, int]]
 
 SKEW_ROWS = 0.29
-"""Standard deviation of the shift of a channel's clock, in rows: evenly likely up to half a row."""
+"""Standard deviation of the shift of a channel's clock, in recorded rows: evenly likely up to half."""
 
 START_LOOSE = 0.01
 """Precision of a first state's shift in the deviations of :data:`START`: ten of them, for what is read
@@ -215,7 +215,8 @@ class OutputError:
     def loose(self) -> Floats:
         """Precision of the nuisance's priors; of what cannot move as good as infinite."""
         starts = np.where(self.starts > 0.0, START_LOOSE, FIXED)
-        return np.concatenate([starts, np.full(len(self.names), SKEW_ROWS**-2.0)])
+        skew = SKEW_ROWS / self.replay.every
+        return np.concatenate([starts, np.full(len(self.names), skew**-2.0)])
 
     def near(self, model: Model, which: Collection[int] | None = None) -> Model:
         """A model with some numbers held near the file, all by default, and everything else fitted.
