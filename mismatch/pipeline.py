@@ -34,6 +34,7 @@ from .judge.verdict import (
     Verdict,
     explained_shares,
     sure_effects,
+    too_little,
     verdict_of,
 )
 from .judge.whiteness import Whiteness
@@ -176,8 +177,7 @@ def _judged(
         formula = formula_instead(selection, verdict, whiteness, judge)
         if formula is not None and refuted(formula, selection, whiteness):
             verdict = verdict_of(selection, whiteness, -math.inf, replay.excited)
-    too_little = not replay.excited or any("too short" in said for said in together.limits)
-    undecidable = too_little and bool(together.limits)
+    undecidable = too_little(replay.excited, together.limits)
     if verdict.name == NOTHING and undecidable:  # which is not the same
         verdict = replace(verdict, name=UNEXPLAINED)
     fit = selection.fit

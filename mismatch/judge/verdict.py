@@ -5,6 +5,7 @@ It is given balance by balance first: what is sure in one is not thrown away for
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +67,16 @@ class Verdict:
     colour: Colour | None
     left_over: Colour | None
     balances: tuple[BalanceVerdict, ...]
+
+
+def too_little(excited: bool, limits: Sequence[str]) -> bool:
+    """Whether recordings are too dull or too short to tell that nothing is missing.
+
+    Args:
+        excited: whether the demands move enough to tell effects apart.
+        limits: why the recordings may not decide.
+    """
+    return bool(limits) and (not excited or any("too short" in said for said in limits))
 
 
 def verdict_of(

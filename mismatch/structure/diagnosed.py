@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
 
 from ...plant.ship import Ship
+from ...plant.ship_errors import ShipError
 from ..diagnosis import Diagnosis
 from ..estimate import Estimate
 from ..judge.findings import FORM_SHARE, Finding, at_bound, detectable_effects, findings_of
 from ..judge.fit import fits
 from ..judge.held_out import HeldOut, bands_of
-from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, balance_verdicts
+from ..judge.verdict import (
+    EXPLAINED,
+    NOTHING,
+    PARTLY,
+    UNEXPLAINED,
+    balance_verdicts,
+    too_little,
+)
 from ..judge.whiteness import Whiteness
 from ..numbers.moved import TOLD, MovedNumber
 from ..numbers.wrong import WrongNumber
@@ -84,6 +93,9 @@ def diagnosed_jointly(
     before, after = (float(np.maximum(s - 1.0, 0.0).sum()) for s in shares)
     verdict = _verdict(best, nothing if replaced else plain.held, problem, whiteness, fit)
 
+    undecidable = too_little(replay.excited, together.limits)
+    if verdict == NOTHING and undecidable:  # which is not the same
+        verdict = UNEXPLAINED
     holds = verdict in (EXPLAINED, PARTLY)
     carried = holds or verdict == NOTHING
     corrected = moved.trial_ship.corrected(fit.effects) if carried else file
@@ -133,6 +145,7 @@ def diagnosed_jointly(
         highest_Hz=fitter.bands.highest_Hz,
         rows_averaged=replay.every,
         limits=together.limits,
+        undecidable=undecidable,
         warnings=[*together.warnings, *(_remarks(best, problem, nothing) if carried else [])],
         numbers=_numbers(file, problem, model, corrected) if carried else [],
         wrong=[_wrong(file, replaced, finding) for finding in findings],
@@ -145,10 +158,11 @@ def _with_numbers(file: Ship, problem: OutputError, model: Model) -> Ship:
     for doubt, moved in zip(problem.doubts, model.numbers, strict=True):
         if abs(moved) > 0.1 * doubt.near:
             number = file.number(doubt.key)
-            values[doubt.key] = number.info.inside(
-                float(np.clip(doubt.at(float(moved)), *number.searched))
-            )
-    return file.with_values(values) if values else file
+            value = float(np.clip(doubt.at(float(moved)), *number.searched))
+            values[doubt.key] = number.info.inside(value)
+    with contextlib.suppress(ShipError):  # two numbers that do not go together
+        return file.with_values(values) if values else file
+    return file
 
 
 def _verdict(

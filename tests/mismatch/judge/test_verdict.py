@@ -16,6 +16,7 @@ from shaftline.mismatch.judge.verdict import (
     close_call,
     explained_shares,
     sure_effects,
+    too_little,
     verdict_of,
 )
 from shaftline.mismatch.judge.whiteness import Colour
@@ -48,8 +49,11 @@ class Whiteness:
         return None if plain else self._colours[key]
 
 
-def selection(*gains: float, effects: int = 1, rivals: int = 0, value: float = 0.8) -> Any:
-    placed = SimpleNamespace(pairs=((SimpleNamespace(key="sensors.torque_gain"), value),))
+def selection(
+    *gains: float, effects: int = 1, rivals: int = 0, value: float = 0.8, whole: bool = False
+) -> Any:
+    told = SimpleNamespace(key="sensors.torque_gain", whole=whole)
+    placed = SimpleNamespace(pairs=((told, value),))
     return SimpleNamespace(
         fit=SimpleNamespace(effects=(placed,) * effects),
         rivals=(("rival",) * rivals,) * effects,
@@ -101,6 +105,12 @@ def test_a_value_at_the_bound_of_its_search_explains_nothing_wholly(
     assert found.name == name
     refuted: Any = verdict_of(chosen, whiteness, -np.inf, True, sure)  # type: ignore[arg-type]
     assert refuted.name == UNEXPLAINED
+
+
+def test_the_upper_bound_of_what_is_whole_there_is_no_end_of_a_search() -> None:
+    for value, name in ((5.0, EXPLAINED), (0.001, PARTLY)):
+        chosen = selection(100.0, value=value, whole=True)
+        assert verdict(chosen, Whiteness([[9.0]], [[1.0]])) == name
 
 
 @pytest.mark.parametrize(("gain", "name"), [(-6.0, EXPLAINED), (-6.01, UNEXPLAINED)])
@@ -174,3 +184,14 @@ def test_an_effect_is_sure_by_its_own_balance_and_its_gain(
     whiteness: Any = Whiteness([[500.0, 91.0]], [[499.0, after]], left=True)
     chosen: Any = SimpleNamespace(fit="fit", gains=(gain,), thresholds=(10.0,))
     assert sure_effects(chosen, [1], whiteness) == sure
+
+
+@pytest.mark.parametrize(
+    ("excited", "limits", "little"),
+    [(True, [], False), (False, [], False), (False, ["dull"], True), (True, ["dull"], False),
+     (True, ["too short for the hull"], True)],
+)  # fmt: skip
+def test_too_little_is_told_by_what_limits_the_recordings(
+    excited: bool, limits: list[str], little: bool
+) -> None:
+    assert too_little(excited, limits) is little

@@ -72,6 +72,19 @@ def test_a_healthy_rig_lacks_nothing() -> None:
     assert found.findings == []
 
 
+def test_a_recording_too_dull_to_decide_is_not_healthy() -> None:
+    tables = [run(seed=seed).assign(motor_voltage_V=6.0) for seed in (4, 5)]
+    for table in tables:
+        true = simulate_recording(motor(), table)["shaft_speed_rad_s"]
+        table["shaft_speed_rad_s"] = true + 0.3 * np.random.default_rng(1).standard_normal(
+            len(true)
+        )
+    found = diagnose(motor(), tables[0], hold_out=tables[1:], options=JOINT)
+    assert found.verdict == "unexplained"
+    assert found.undecidable
+    assert found.sentence.startswith("Cannot be decided, because ")
+
+
 def test_no_more_is_named_than_was_asked_for_and_no_number_moves_without_a_tolerance() -> None:
     truth = {COULOMB: 0.03, "prime_mover.open_circuit_fraction": 1.0}
     options = Options(joint=True, exclude=OTHERS, most_effects=1, tolerance=0.0)
