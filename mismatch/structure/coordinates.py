@@ -78,7 +78,8 @@ class Coordinates:
     def inside(self, point: Floats) -> Floats:
         """The nearest point within the bounds."""
         found = point.copy()
-        found[: self._count] = np.clip(found[: self._count], -5.0, 5.0)
+        for k, doubt in enumerate(self._owner.doubts):
+            found[k] = min(max(found[k], doubt.range[0]), doubt.range[1])
         most = 0.5 / self._owner.replay.every  # of a recorded row
         found[self.skew : self._edge] = np.clip(found[self.skew : self._edge], -most, most)
         found[self._edge :] = np.clip(found[self._edge :], self._low, self._high)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from ...plant.keys import Number
 from ...plant.ship import Ship
 from ..simulate.joint_replay import JointReplay
 from ..simulate.tolerances import tolerance_moves
@@ -25,6 +26,9 @@ FAR = 0.7
 
 FAR_SHIFT = 30.0
 """The same of a number whose tolerance is a shift and no share, in that tolerance."""
+
+MOST = 5.0
+"""Largest logarithm of a factor by which a number may move."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class Doubt:
         wrong: chance of that.
         share: whether the number moves by a factor ``exp(x)``; else by ``x``.
         write: puts a value into a ship's record.
+        range: how far it may move, that the ship's file allows it.
     """
 
     key: str
@@ -48,6 +53,7 @@ class Doubt:
     wrong: float
     share: bool
     write: Callable[[Any, float], None]
+    range: tuple[float, float] = (-MOST, MOST)
 
     def at(self, moved: float) -> float:
         """The number, moved from the file's."""
@@ -105,9 +111,22 @@ def _tolerated(replay: JointReplay, tolerance: float) -> Iterator[Doubt]:
         number = ship.number(key)
         if number.value > 0.0 and key != "hull.wake_fraction" and near < 0.9 * number.value:
             share = near / number.value
-            yield Doubt(key, number.value, share, max(FAR, share), WRONG, True, number.write)
+            yield Doubt(
+                key,
+                number.value,
+                share,
+                max(FAR, share),
+                WRONG,
+                True,
+                number.write,
+                _shares(number),
+            )
         else:
-            yield Doubt(key, number.value, near, FAR_SHIFT * near, WRONG, False, number.write)
+            low, high = number.searched
+            yield Doubt(
+                key, number.value, near, FAR_SHIFT * near, WRONG, False, number.write,
+                (low - number.value, high - number.value),
+            )  # fmt: skip
 
 
 def _of_terms(ship: Ship) -> Iterator[Doubt]:
@@ -116,4 +135,14 @@ def _of_terms(ship: Ship) -> Iterator[Doubt]:
         for name in term.parameters:
             number = ship.number(f"term.{term.id}.{name}")
             if number.value != 0.0 and number.key not in ship.tolerances.numbers:
-                yield Doubt(number.key, number.value, FAR, FAR, 1.0, True, number.write)
+                yield Doubt(
+                    number.key, number.value, FAR, FAR, 1.0, True, number.write, _shares(number)
+                )
+
+
+def _shares(number: Number) -> tuple[float, float]:
+    """Logarithms of the factors by which a number may move, of either sign."""
+    ends = sorted(end / number.value for end in number.searched)
+    low = math.log(ends[0]) if ends[0] > 0.0 else -MOST
+    high = math.log(ends[1]) if math.isfinite(ends[1]) else MOST
+    return max(low, -MOST), min(high, MOST)

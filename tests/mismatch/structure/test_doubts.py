@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from shaftline.mismatch.simulate.joint_replay import JointReplay
@@ -52,6 +54,20 @@ def test_every_number_with_a_tolerance_is_doubted_and_the_ship_s_own_terms() -> 
     assert found[INERTIA].wrong == WRONG
     assert found["term.weight.m"].wrong == 1.0
     assert doubts_of(JointReplay(ship, run()), 0.0) == []
+
+
+def test_no_number_moves_out_of_the_range_of_its_key() -> None:
+    ship = load_ship("tito-neri-sine")
+    table = pd.DataFrame({"time_s": 0.01 * np.arange(200), "motor_voltage_V": 6.0})
+    table["shaft_speed_rad_s"] = 100.0
+    found = {d.key: d for d in doubts_of(JointReplay(ship, table))}
+    own = found["propeller.relative_rotative_efficiency"]
+    high = ship.number(own.key).searched[1]
+    assert own.at(own.range[1]) == pytest.approx(high)
+    resistance = found["prime_mover.armature_resistance_ohm"]
+    assert resistance.range[0] == -5.0
+    highest = ship.number(resistance.key).searched[1]  # beyond it the step does not resolve L / R
+    assert resistance.at(resistance.range[1]) == pytest.approx(highest)
 
 
 def test_a_doubt_writes_its_number_into_a_record() -> None:
