@@ -196,8 +196,8 @@ def body(table: pd.DataFrame) -> str:
             "stands in `studies/rigs.py`. All errors are rms, free-running, on runs that were not "
             "fitted. With *together*, each such run starts from a state that its own first rows tell; "
             "else from the mean over 40 time steps.",
-            "The joint search was made with these four rigs in view. They show what it can find; how often "
-            "it is right on a rig that nobody has looked at, they do not.",
+            "The joint search was made with these four rigs in view. They show what it can find; how "
+            "often it is right on a rig that nobody has looked at, they do not.",
             "## Errors on unseen runs",
             "*file*: the ship as given. *numbers first*: `shaftline diagnose`. *together*: "
             "`shaftline diagnose --joint`. *bound*: what independent fits of the same data reach.",
