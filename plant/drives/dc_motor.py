@@ -20,6 +20,11 @@ SWITCHED_ON = 1e-3
 """Share of its end stop that a voltage demanded has at least, not to be a switch that is off."""
 
 
+FED_BACK = 1.0 + 1e-9
+"""Voltage over the armature's resistance, in back-EMFs, up to which a braking motor feeds its supply: at
+1 the supply has no voltage of its own."""
+
+
 class DcMotor(PrimeMover):
     """Direct-current motor driven by a voltage."""
 
@@ -160,14 +165,17 @@ def motor_torque(plant: Record, current: Real, motor_speed: Real) -> Real:
     """Torque [N m] of the motor: K_e i, and ``reverse_torque_fraction`` of it where i drives astern.
 
     By the sign of the current the torque has no jump; in steady running that is also the sign of
-    rotation and demand. The back-EMF stays K_e omega, so a fraction below 1 is a loss. Torque against
-    the rotation lacks ``braking_loss_fraction``, which has no jump either.
+    rotation and demand. The back-EMF stays K_e omega, so a fraction below 1 is a loss. Torque that
+    brakes while the motor would feed its supply lacks ``braking_loss_fraction``; against a voltage the
+    other way it is whole.
     """
     torque = plant.motor_constant * current
     if current.real < 0.0:
         torque = torque * plant.reverse_torque_fraction
     if plant.braking_loss_fraction != 0.0 and current.real * motor_speed.real < 0.0:
-        torque = torque * (1.0 - plant.braking_loss_fraction)
+        back = abs(plant.motor_constant.real * motor_speed.real)
+        if plant.armature_resistance.real * abs(current.real) <= FED_BACK * back:
+            torque = torque * (1.0 - plant.braking_loss_fraction)
     return torque
 
 

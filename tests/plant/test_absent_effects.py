@@ -116,7 +116,7 @@ MOTOR_EFFECTS = [
     effect("direction-asymmetry", "propeller.astern_load_fraction", 0.8, 1.0),
     effect("torque-offset", "prime_mover.torque_offset_N_m", 0.01),
     effect("open-circuit", "prime_mover.open_circuit_fraction", 0.5),
-    effect("braking-loss", "prime_mover.braking_loss_fraction", 0.5),
+    effect("braking-loss", "prime_mover.braking_loss_fraction", 0.9),
     effect("load-friction", "transmission.load_friction_fraction", 0.1),
     effect("supply-limit", "prime_mover.supply_limit_V", 5.0, INF),
     effect("supply-limit", "prime_mover.supply_current_limit_A", 1.0, INF),

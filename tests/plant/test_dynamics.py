@@ -18,7 +18,17 @@ from shaftline.plant.term_kernel import Heard
 from shaftline.plant.terms import OF_A_TURN
 from shaftline.plant.ventilation import suction_head, ventilation_rate
 
-WEIGHTS = (3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0)  # of what a ship hears that does not turn
+WEIGHTS = (
+    3.0,
+    5.0,
+    7.0,
+    11.0,
+    13.0,
+    17.0,
+    19.0,
+    23.0,
+    29.0,
+)  # of what a ship hears that does not turn
 GEAR, EFFICIENCY = 7.38, 0.95
 LEFT, RIGHT, MASS = 53697.0, 14411.0, 3.3e6
 TOTAL = LEFT + RIGHT
@@ -142,12 +152,13 @@ def test_a_term_adds_to_its_place(frigate: Ship, acts_on: str, name: str, factor
     term = {"id": "one", "acts_on": acts_on, "expression": expression}
     ship = frigate.with_values({"term": [term]})
     inputs = Inputs(22.0, 1.3, 0.3, 0.02, 20.0, 1.0, 0.0, -1.5, 1.1, 7.0)
-    found, plain = (loads(s.record(), STATE, inputs, 1.2) for s in (ship, frigate))
-    heard = (10.0, 8.0, 1.2, 1.3, 22.0, 0.95 * 8.0 + 0.3 + 0.6, 2.5, 7.0)
+    state = STATE._replace(shaft_angle=0.7)
+    found, plain = (loads(s.record(), state, inputs, 1.2) for s in (ship, frigate))
+    heard = (10.0, 8.0, 1.2, 1.3, 22.0, 0.95 * 8.0 + 0.3 + 0.6, 2.5, 7.0, 0.7)
     expected = 1e-3 * np.dot(heard, WEIGHTS)
     added = getattr(found, name) - getattr(plain, name)
     assert added == pytest.approx(factor * expected, rel=1e-6)
-    rates = [evaluate(s.record(), STATE, inputs, 1.2)[0] for s in (ship, frigate)]
+    rates = [evaluate(s.record(), state, inputs, 1.2)[0] for s in (ship, frigate)]
     turned = rates[0].pitch_ratio - rates[1].pitch_ratio
     assert turned == pytest.approx(expected if acts_on == "pitch_rate" else 0.0, rel=1e-9)
 

@@ -209,6 +209,7 @@ def test_a_drive_without_a_propeller_is_offered_nothing_of_one(servo: Ship) -> N
         "quadratic-drag (motor)",
         "coulomb-friction (motor, stribeck)",
         "torque-offset (motor)",
+        "load-friction (motor)",
     }
     assert not any("propeller" in said for e in found.values() for said in (e.lacks, e.equation))
     drag = found["quadratic-drag (motor)"]

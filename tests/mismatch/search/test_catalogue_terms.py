@@ -14,6 +14,7 @@ from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.replay import simulate_recording
 
+from ..structure.test_search import BY_SWITCHING
 from ..voyages import bench_tug, frigate_voyage, quick_frigate, tug_run
 from . import test_catalogue, test_catalogue_turning
 from .test_catalogue import _named, one_round  # noqa: F401 (a fixture)
@@ -111,6 +112,7 @@ def test_every_entry_is_concealed_by_a_test_here() -> None:
         (e, "motor") for e, _ in test_catalogue.ON_THE_TUG
     }
     concealed |= {("ventilation", "propeller"), ("inflow-lag", "propeller")}
-    concealed |= {("astern-thrust", "propeller")}
+    concealed |= {("astern-thrust", "propeller"), ("speed-sensor-lag", "sensor")}
+    concealed |= {(label, "motor") for label in BY_SWITCHING}
     found = {e.kind for e in catalogue() if e.term is None and e.label not in turning}
     assert found == concealed

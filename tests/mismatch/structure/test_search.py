@@ -12,6 +12,9 @@ from .rigs import COULOMB, INERTIA, effects, motor, problem, run, searched
 
 OPEN = "prime_mover.open_circuit_fraction"
 
+BY_SWITCHING = ("open-circuit", "braking-loss")
+"""Effects of a voltage that is switched."""
+
 
 def test_a_pair_is_found_with_the_inertia_that_the_file_has_wrong() -> None:
     """An open armature and dry friction: in one direction a linear law takes up either."""
@@ -32,6 +35,20 @@ def test_a_pair_is_found_with_the_inertia_that_the_file_has_wrong() -> None:
     numbers = dict(zip([d.key for d in search.problem.doubts], best.model.numbers, strict=True))
     assert 1e-3 * np.exp(numbers[INERTIA]) == pytest.approx(1.6e-3, rel=0.05)
     assert float(best.held[0]) < 0.35 < 0.05 * float(before[0])  # the noise is 0.3
+
+
+@pytest.mark.parametrize("effect", BY_SWITCHING)
+def test_an_open_switch_is_told_from_a_supply_that_takes_nothing_back(effect: str) -> None:
+    """From 12 V to 6 the one brakes and the other does not; from 6 V to none neither. A motor that has
+    no torque astern is the second one as long as it turns ahead, and left out here.
+    """
+    key = f"prime_mover.{effect.replace('-', '_')}_fraction"
+    ids = (*BY_SWITCHING, "coulomb-friction", "viscous-friction")
+    search, ranked = searched(motor(), run({key: 1.0}, 1), run({key: 1.0}, 2), ids=ids)
+    before = search.problem.held_error(search.problem.nothing(), search.held)
+    best, _ = chosen(ranked, before)
+    found = {p.effect.id: p.values[0] for p in best.model.effects}
+    assert found == {effect: pytest.approx(1.0, abs=0.03)}
 
 
 @pytest.mark.parametrize("seed", [3, 5])
