@@ -33,12 +33,12 @@ from ..search.selection import Candidate, Selection
 from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
-from .choice import Ranked, chosen
+from .choice import Ranked, chosen, total
 from .doubts import Doubt
 from .model import Floats, Model
 from .naming import named
 from .output_error import OutputError
-from .search import FAR, StructureSearch
+from .search import StructureSearch
 
 OF_NOISE = 2.0
 """Times the noise of every channel up to which the error on data set aside counts as explained."""
@@ -174,16 +174,11 @@ def _verdict(
     white = whiteness.colour(fit) is None
     if not best.model.effects:
         return NOTHING if quiet or white else UNEXPLAINED
-    # geometric mean over the channels: what is better in one is not worse in another
-    share = float(np.exp(np.mean(np.log(best.held / plain))))
-    if share > BETTER and not (quiet or white):
+    if total(best.held, plain) > BETTER and not (quiet or white):
         return UNEXPLAINED
     bounded = any(at_bound(problem.trial_ship, placed) for placed in fit.effects)
-    far = [
-        abs(moved) > FAR * doubt.near
-        for doubt, moved in zip(problem.doubts, best.model.numbers, strict=True)
-    ]
-    return EXPLAINED if (quiet or white) and not bounded and not any(far) else PARTLY
+    sound = not bounded and not problem.far(best.model)
+    return EXPLAINED if (quiet or white) and sound else PARTLY
 
 
 def _selection(
@@ -280,10 +275,10 @@ def _remarks(best: Ranked, problem: OutputError, nothing: np.ndarray) -> list[st
         f"{column}: error on the data set aside {before:.4g} as the file has it, {after:.4g} now"
         for column, before, after in zip(problem.names, nothing, best.held, strict=True)
     ]
-    for doubt, moved in zip(problem.doubts, best.model.numbers, strict=True):
-        if abs(moved) > FAR * doubt.near:
-            said.append(
-                f"{doubt.key} moved from {doubt.value:.4g} to {doubt.at(float(moved)):.4g}, "
-                f"{abs(moved) / doubt.near:.0f} tolerances: the file's tolerance or its number is wrong"
-            )
+    for k in sorted(problem.far(best.model)):
+        doubt, moved = problem.doubts[k], float(best.model.numbers[k])
+        said.append(
+            f"{doubt.key} moved from {doubt.value:.4g} to {doubt.at(moved):.4g}, "
+            f"{abs(moved) / doubt.near:.0f} tolerances: the file's tolerance or its number is wrong"
+        )
     return said

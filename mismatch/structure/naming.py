@@ -13,7 +13,7 @@ from dataclasses import replace
 from ..search.selection import TELL_APART
 from .doubts import Doubt
 from .model import Model
-from .search import FAR, StructureSearch
+from .search import StructureSearch
 
 PLAUSIBLE = math.log(1.5)
 """Logarithm of the factor by which physics may change a number; beyond it the file is wrong."""
@@ -35,14 +35,14 @@ def named(search: StructureSearch, model: Model) -> tuple[Model, dict[str, list[
         The model, and by the label of each effect that stands for numbers, those numbers.
     """
     doubts, replaced = search.problem.doubts, {}
-    far = _far(search, model)
+    far = search.problem.far(model)
     if any(doubts[k].wrong == 1.0 for k in far):
         return model, {}
     if any(doubts[k].share and abs(model.numbers[k]) > PLAUSIBLE for k in far):
         return model, {}
     together = [far] if len(far) > 1 else []
     for group in (*together, *([k] for k in far)):
-        if not set(group) <= set(_far(search, model)):
+        if not set(group) <= set(search.problem.far(model)):
             continue  # replaced already
         found = _instead(search, model, group)
         if found is None:
@@ -53,32 +53,20 @@ def named(search: StructureSearch, model: Model) -> tuple[Model, dict[str, list[
     return model, replaced
 
 
-def _far(search: StructureSearch, model: Model) -> list[int]:
-    """Numbers that moved far, by index, the farthest first."""
-    shifts = [
-        abs(float(moved)) / doubt.near
-        for doubt, moved in zip(search.problem.doubts, model.numbers, strict=True)
-    ]
-    return [k for k in sorted(range(len(shifts)), key=lambda k: -shifts[k]) if shifts[k] > FAR]
-
-
 def _instead(search: StructureSearch, model: Model, group: list[int]) -> Model | None:
     """The model with one effect more and some numbers held near the file, if it fits as well."""
     problem = search.problem
     before = list(problem.doubts)
     price = sum(before[k].penalty(float(model.numbers[k])) for k in group)
-    numbers = model.numbers.copy()
-    for k in group:
-        problem.doubts[k] = replace(before[k], wrong=0.0)
-        numbers[k] = 0.0
-    held = problem.fit(model.effects, replace(model, numbers=numbers))
+    held = problem.near(model, group)
+    problem.hold(group)
     found = [
         problem.fit((*held.effects, one.starts[0][1]), held) for one in search.screen(held)[:TRIED]
     ]
     best = max(found, key=lambda one: one.score, default=held)
     # the numbers' own price is the chance that the file is wrong
     worse = best.score + TELL_APART < model.score + price
-    if worse or len(best.effects) == len(model.effects) or set(group) & set(_far(search, best)):
+    if worse or len(best.effects) == len(model.effects) or set(group) & set(problem.far(best)):
         problem.doubts[:] = before
         return None
     return best

@@ -14,7 +14,7 @@ coordinates, inside bounds: relative steps vanish at neutral values.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -46,9 +46,8 @@ FIRST_ROWS = 100
 HUBER = 3.0
 """Deviations beyond which a row counts less, in 1.48 times the median of all."""
 
-STRAY = 10.0
-"""The same beyond which a row counts no more where models are compared: a sign that was guessed, a value
-that was repeated."""
+FAR_TOLERANCES = 3.0
+"""Tolerances beyond which a parameter has moved far from the ship file."""
 
 MOST_STEPS = 14
 """Of Gauss and Newton."""
@@ -134,34 +133,30 @@ class OutputError:
 
         By the curvature at the maximum, all beside it unsure as well; shape (free values,).
         """
-        scaled = self.scaled(model.error)
-        flat = (model.columns * scaled).reshape(len(model.columns), -1)
-        information = flat @ flat.T + np.diag(model.precision)
-        return np.asarray(
-            np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0.0)) * model.units
-        )
+        information = self._information(model.columns, self.scaled(model.error), model.precision)[0]
+        variances = np.maximum(np.diag(np.linalg.pinv(information)), 0.0)
+        return np.asarray(np.sqrt(variances) * model.units)
 
-    def held_error(
-        self, model: Model, rows: NDArray[np.int64], limit: Floats | None = None
-    ) -> Floats:
-        """Rms of measured minus simulated over some rows, by channel, no less than half the noise.
+    def held_error(self, model: Model, rows: NDArray[np.int64]) -> Floats:
+        """Return the rms residual of a model on held-out rows, as :meth:`rms`."""
+        return self.rms(self.held_residual(model, rows))
+
+    def held_residual(self, model: Model, rows: NDArray[np.int64]) -> Floats:
+        """Return measured minus simulated on held-out rows, shape (channels, rows)."""
+        return np.asarray((self._measured - self.followed(model))[:, rows])
+
+    def rms(self, error: Floats, limit: Floats | None = None) -> Floats:
+        """Return the rms of a residual by channel, no less than half the channel's noise.
 
         Args:
-            model: fitted.
-            rows: that were not fitted.
-            limit: error beyond which a row counts no more, by channel; none by default.
+            error: residual, shape (channels, rows).
+            limit: size by channel at which each row's residual is clipped; no clipping by default.
         """
-        error = (self._measured - self.followed(model))[:, rows]
         if not np.isfinite(error).all():
             return np.full(len(self.names), math.inf)
         if limit is not None:
             error = np.minimum(np.abs(error), limit[:, None])
         return np.asarray(np.hypot(np.sqrt(np.mean(error**2, axis=1)), self._floor))
-
-    @staticmethod
-    def stray(model: Model) -> Floats:
-        """Error beyond which a row is no worse a witness, by channel: :data:`STRAY` deviations."""
-        return STRAY * np.median(np.abs(model.error), axis=1) / 0.6745
 
     def _started(self, model: Model) -> Floats:
         """A model's nuisance with the first states of recordings that were not fitted.
@@ -228,13 +223,25 @@ class OutputError:
             which: numbers by index.
         """
         before, numbers = list(self.doubts), model.numbers.copy()
-        for k in range(len(before)) if which is None else which:
-            self.doubts[k] = replace(before[k], wrong=0.0)
-            numbers[k] = 0.0
+        which = range(len(before)) if which is None else which
+        numbers[[*which]] = 0.0
+        self.hold(which)
         try:
             return self.fit(model.effects, replace(model, numbers=numbers))
         finally:
             self.doubts[:] = before
+
+    def hold(self, which: Iterable[int]) -> None:
+        """Hold parameters of the ship file, by index, within their tolerances from now on."""
+        for k in which:
+            self.doubts[k] = replace(self.doubts[k], wrong=0.0)
+
+    def far(self, model: Model) -> list[int]:
+        """Return the indices of parameters beyond :data:`FAR_TOLERANCES`, the farthest first."""
+        shifts = np.abs(model.numbers) / np.array([doubt.near for doubt in self.doubts])
+        return [
+            k for k in np.argsort(-shifts, kind="stable").tolist() if shifts[k] > FAR_TOLERANCES
+        ]
 
     def freed(self, model: Model) -> Model:
         """A model fitted anew from where it comes to if all numbers were guessed, if that is better.
@@ -265,7 +272,8 @@ class OutputError:
             columns = self._columns(search, point, values, slopes)
             precision = search.precision(point, guessed)
             scaled = self.scaled(error)
-            lhs, rhs = self._normal(columns, error, scaled, precision, point)
+            lhs, flat = self._information(columns, scaled, precision)
+            rhs = flat @ (error * scaled).ravel() - precision * point
             better = None
             for _ in range(6):
                 trial = search.stepped(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
@@ -293,12 +301,10 @@ class OutputError:
         return np.asarray(np.sqrt(self.weights * share[:, None]))
 
     @staticmethod
-    def _normal(
-        columns: Floats, error: Floats, scaled: Floats, precision: Floats, point: Floats
-    ) -> tuple[Floats, Floats]:
+    def _information(columns: Floats, scaled: Floats, precision: Floats) -> tuple[Floats, Floats]:
+        """Return the information matrix, and the weighted columns flattened."""
         flat = (columns * scaled).reshape(len(columns), -1)
-        wanted = (error * scaled).ravel()
-        return flat @ flat.T + np.diag(precision), flat @ wanted - precision * point
+        return flat @ flat.T + np.diag(precision), flat
 
     def _columns(
         self, search: Coordinates, point: Floats, values: Floats, slopes: Floats

@@ -1,4 +1,4 @@
-"""How many independent rows a recording's errors are worth."""
+"""Count the independent rows of a residual, and find the rows that lie far off."""
 
 from __future__ import annotations
 
@@ -6,10 +6,19 @@ import math
 
 import numpy as np
 
-from .model import Floats
+from .model import Floats, Model
 
 SMOOTHED = 1.0
 """Width over which a spectrum of n rows is smoothed, in the square root of n frequencies."""
+
+STRAY = 10.0
+"""Deviations, by the median, at which residuals are clipped where models are compared: a guessed sign or
+a repeated value is no measure of a model."""
+
+
+def clipping_limit(model: Model) -> Floats:
+    """Return the residual by channel at which rows are clipped, in the channels' units."""
+    return np.asarray(STRAY * np.median(np.abs(model.error), axis=1) / 0.6745)
 
 
 def telling(error: Floats, columns: Floats) -> float:

@@ -26,6 +26,7 @@ from ..search.selection import threshold
 from .choice import Ranked
 from .model import Floats, Model
 from .output_error import OutputError
+from .rows import clipping_limit
 
 Fitting = Callable[[tuple[Placed, ...], Model], Model]
 
@@ -44,9 +45,6 @@ QUICK = Effort(kinds=4, starts=1, pairs=2, beam=1, most=3)
 THOROUGH = Effort(kinds=8, starts=2, pairs=4, beam=3, most=3)
 NEARBY = Effort(kinds=8, starts=1, pairs=0, beam=1, most=3)
 """From a model whose numbers are held near the file, where they have moved far."""
-
-FAR = 3.0
-"""Tolerances beyond which a number has moved far."""
 
 PAIRED = 14
 """Effects of a screen, the best first, of which pairs are looked at."""
@@ -99,7 +97,6 @@ class StructureSearch:
         tick: Tick = silent,
         most: int | None = None,
     ) -> None:
-        self._near = np.array([doubt.near for doubt in problem.doubts])
         self._most = THOROUGH.most if most is None else most
         self.problem = problem
         self.effects = [effect for effect in effects if not effect.windowed]
@@ -112,7 +109,7 @@ class StructureSearch:
         quick = self._pass(QUICK._replace(most=self._most), "looking for the richest model")
         richest = max(quick.values(), key=lambda model: model.score)
         self.problem.heed(richest)
-        limit = self.problem.stray(richest)
+        limit = clipping_limit(richest)
         self.pool = self._pass(
             THOROUGH._replace(most=self._most), "searching physics and numbers together"
         )
@@ -120,16 +117,13 @@ class StructureSearch:
             self._polish(model)
         ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
         order = {effect.label: k for k, effect in enumerate(self.effects)}
-        return [
-            Ranked(
-                model,
-                self.merit(model),
-                self.problem.held_error(model, self.held),
-                self.problem.held_error(model, self.held, limit),
-                sum(order[label] for label in model.labels),
-            )
-            for model in ranked
-        ]
+        found = []
+        for model in ranked:
+            error = self.problem.held_residual(model, self.held)
+            held, compared = self.problem.rms(error), self.problem.rms(error, limit)
+            place = sum(order[label] for label in model.labels)
+            found.append(Ranked(model, self.merit(model), held, compared, place))
+        return found
 
     def screen(self, base: Model) -> list[Screened]:
         """Effects that a model lacks, by what a straight line foretells of each, best first."""
@@ -166,7 +160,7 @@ class StructureSearch:
             self.tick(f"{stage}, round {depth + 1}", len(trials), len(trials))
             if effort.beam > 1:
                 self._free(found, freed)
-                self._simplify(found, beam)
+                self._simplify(found)
             beam = sorted(found.values(), key=self._worth(effort), reverse=True)[: effort.beam]
             if self._worth(effort)(beam[0]) <= before:
                 break
@@ -182,15 +176,12 @@ class StructureSearch:
         effects: tuple[Placed, ...],
         base: Model,
         fit: Fitting,
-    ) -> Model | None:
-        """Fit a model, and keep it where it is the best of its effects."""
+    ) -> None:
+        """Fit a model, and keep it if it is the best fit with its effects."""
         model = fit(effects, base)
-        if not math.isfinite(model.score):
-            return None
         known = found.get(model.labels)
-        if known is None or model.score > known.score:
+        if math.isfinite(model.score) and (known is None or model.score > known.score):
             found[model.labels] = model
-        return found[model.labels]
 
     def _free(self, found: dict[frozenset[str], Model], freed: set[frozenset[str]]) -> None:
         """Let the best models' numbers come from far as well."""
@@ -208,7 +199,7 @@ class StructureSearch:
                 break
         self.pool[model.labels] = model
 
-    def _simplify(self, found: dict[frozenset[str], Model], beam: list[Model]) -> None:
+    def _simplify(self, found: dict[frozenset[str], Model]) -> None:
         """Visit the best models with one effect less, and with simpler forms of their effects."""
         tried = set(found)
         for model in sorted(found.values(), key=self.merit, reverse=True)[:2]:
@@ -240,7 +231,7 @@ class StructureSearch:
             if len(base.effects) >= effort.most:
                 continue
             trials += self._upon(base, effort)
-            if effort.beam > 1 and np.any(np.abs(base.numbers) > FAR * self._near):
+            if effort.beam > 1 and self.problem.far(base):
                 trials += self._upon(self.problem.near(base), NEARBY._replace(most=effort.most))
         return trials
 
