@@ -102,8 +102,8 @@ def diagnose(
         bool,
         typer.Option(
             "--joint",
-            help="Search physics and the ship's numbers together, in minutes: for a ship file that was "
-            "guessed or belongs to a rig of one's own.",
+            help="Estimate effects and ship-file parameters together (takes minutes): for a ship file "
+            "that contains guesses, or for a test rig.",
         ),
     ] = False,
     jobs: Annotated[
@@ -155,10 +155,10 @@ def diagnose(
     their errors, and `--free` lets those move that you do not trust. What they take up is then not
     called physics: a free resistance takes up fouling.
 
-    Where the ship file was guessed, or the recording is a real rig's, numbers and physics have to be
-    found together: a wrong inertia takes up friction, and two effects may help only as a pair.
-    `--joint` refits every number of the file with each set of effects that it tries, lets what the
-    recordings say outvote the file at a price, and chooses on the data set aside.
+    If the ship file contains guesses, or the recording comes from a test rig, use `--joint`. It
+    estimates the doubtful parameters of the file together with each set of effects, and selects the
+    model on held-out data. Without it, a biased inertia can absorb friction, and two effects that
+    improve the fit only as a pair are not identified.
 
     What the catalogue does not know you can write yourself. A file MY.toml holds
 

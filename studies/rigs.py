@@ -191,13 +191,13 @@ def body(table: pd.DataFrame) -> str:
     return "\n\n".join(
         [
             "# Real rigs: physics and numbers searched together",
-            "Made by `python -m shaftline.studies.rigs --recordings FOLDER --out docs/results`. Each "
-            "rig's file is handed over as a stranger would write it; what is fitted and what is unseen "
-            "stands in `studies/rigs.py`. All errors are rms, free-running, on runs that were not "
-            "fitted. With *together*, each such run starts from a state that its own first rows tell; "
-            "else from the mean over 40 time steps.",
-            "The joint search was made with these four rigs in view. They show what it can find; how "
-            "often it is right on a rig that nobody has looked at, they do not.",
+            "Made by `python -m shaftline.studies.rigs --recordings FOLDER --out docs/results`. The "
+            "ship files contain guesses; `studies/rigs.py` defines which runs are fitted and which are "
+            "held out. All errors are rms of a free-running simulation on held-out runs. With "
+            "*together*, the initial state of such a run is estimated from its first rows; otherwise it "
+            "is the mean over 40 time steps.",
+            "The joint search was developed on these four rigs. The table therefore shows what it can "
+            "identify, not how often it is right on other rigs.",
             "## Errors on unseen runs",
             "*file*: the ship as given. *numbers first*: `shaftline diagnose`. *together*: "
             "`shaftline diagnose --joint`. *bound*: what independent fits of the same data reach.",
