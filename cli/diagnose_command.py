@@ -98,12 +98,12 @@ def diagnose(
             show_default="with --calibrate those that it tells, without none",
         ),
     ] = "",
-    joint: Annotated[
+    quick: Annotated[
         bool,
         typer.Option(
-            "--joint",
-            help="Estimate effects and ship-file parameters together (takes minutes): for a ship file "
-            "that contains guesses, or for a test rig.",
+            "--quick",
+            help="Leave out the second search, which estimates effects and ship-file parameters together "
+            "where the first one leaves a residual, and takes up to two minutes.",
         ),
     ] = False,
     jobs: Annotated[
@@ -155,10 +155,11 @@ def diagnose(
     their errors, and `--free` lets those move that you do not trust. What they take up is then not
     called physics: a free resistance takes up fouling.
 
-    If the ship file contains guesses, or the recording comes from a test rig, use `--joint`. It
-    estimates the doubtful parameters of the file together with each set of effects, and selects the
-    model on held-out data. Without it, a biased inertia can absorb friction, and two effects that
-    improve the fit only as a pair are not identified.
+    If the ship file contains guesses, or the recording comes from a test rig, a biased inertia can
+    absorb friction, and two effects may improve the fit only as a pair. Where the first search leaves
+    more than noise, a second one therefore estimates the doubtful parameters of the file together with
+    each set of effects. Its model is reported if it is clearly closer to the held-out data. `--quick`
+    leaves it out.
 
     What the catalogue does not know you can write yourself. A file MY.toml holds
 
@@ -191,7 +192,7 @@ def diagnose(
         shaftline diagnose log.csv --free hull.resistance_coefficient_N_s2_m2 --ship mine.toml
             --out out/log
 
-        shaftline diagnose run1.csv run2.csv --hold-out run3.csv --joint --ship rig.toml --out out/rig
+        shaftline diagnose run1.csv run2.csv --hold-out run3.csv --ship rig.toml --out out/rig
 
         shaftline diagnose log.csv --columns map.toml --effects MY.toml --ship mine.toml --out out/wind
 
@@ -217,7 +218,7 @@ def diagnose(
         keys = tuple(key.strip() for key in free.split(",") if key.strip())
         options = Options(
             columns, tuple(exclude or ()), tolerance, tuple(calibrate or ()), keys,
-            tuple(effects or ()), joint=joint,
+            tuple(effects or ()), quick=quick,
         )  # fmt: skip
         options.check(vessel)
         folders = [path for path in recordings if path.is_dir()]

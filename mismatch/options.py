@@ -29,8 +29,9 @@ class Options:
         effects: files with effects of one's own (:mod:`.search.entries`), tried with the catalogue's.
         most_effects: how many are named at most; the search's own number by default.
         calibrate: recordings of a healthy period, on which the ship's numbers are found first.
-        joint: whether physics and the ship's numbers are searched together, which takes minutes
-            (:mod:`shaftline.mismatch.structure`).
+        quick: whether effects and parameters are not estimated together
+            (:mod:`shaftline.mismatch.structure`) where the first search leaves a residual, which takes
+            up to two minutes.
         free: dotted keys of the numbers that are found on them, or, without any such recording, that
             move widely beside the effects; without any key, a healthy period tells what it can.
     """
@@ -42,7 +43,7 @@ class Options:
     free: tuple[str, ...] = ()
     effects: tuple[str | Path, ...] = ()
     most_effects: int | None = None
-    joint: bool = False
+    quick: bool = False
 
     @functools.cached_property
     def own_effects(self) -> tuple[Effect, ...]:

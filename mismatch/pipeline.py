@@ -53,7 +53,7 @@ from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
 from .setting import Settings
-from .structure.diagnosed import diagnosed_jointly
+from .structure.diagnosed import diagnose_structure
 
 ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
 
@@ -128,12 +128,6 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
             start.ship, columns, options.exclude, options.own_effects, turned(together.tables)
         )
         ship = start.ship
-        if options.joint:
-            setting = Settings(ship, together, effects, options.tolerance).best
-            together.warnings.extend(start.remarks)
-            return diagnosed_jointly(
-                ship, setting, together, effects, tick, options.tolerance, options.most_effects
-            )
         for _ in range(MOST_ROUNDS):
             settings = Settings(ship, together, effects, options.tolerance)
             nearer = Numbers(start, settings.best.fitter).relinearised() if start.free else None
@@ -151,7 +145,12 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         tick("judging on the data set aside", 0, 1)
         diagnosis = _judged(selection, selector, whiteness, held, together, numbers)
         tick("judging on the data set aside", 1, 1)
-        return diagnosis
+        if options.quick or start.free:
+            return diagnosis
+        closer = diagnose_structure(
+            diagnosis, settings.best, together, effects, tick, options.tolerance, options.most_effects
+        )
+        return closer or diagnosis
 
 
 def _judged(

@@ -158,27 +158,27 @@ def row(rig: Rig, folder: Path) -> dict[str, object]:
     """One rig, diagnosed by either search and judged on its unseen runs."""
     given = rig.load(folder / rig.folder)
     found = {
-        joint: diagnose(
+        quick: diagnose(
             given.ship, *given.fitted, hold_out=given.unseen,
-            options=Options(columns=given.columns, joint=joint),
+            options=Options(columns=given.columns, quick=quick),
         )
-        for joint in (False, True)
+        for quick in (True, False)
     }  # fmt: skip
-    before, after = errors(found[True])
-    moved = [f"{n.key} {n.file:.3g} to {n.value:.3g}" for n in found[True].numbers]
+    before, after = errors(found[False])
+    moved = [f"{n.key} {n.file:.3g} to {n.value:.3g}" for n in found[False].numbers]
     return {
         "rig": rig.title,
         "missing": rig.missing,
-        "verdict": found[True].verdict,
-        "named": names(found[True]),
+        "verdict": found[False].verdict,
+        "named": names(found[False]),
         "numbers_moved": "; ".join(moved) or "none",
         "unit": rig.unit,
         "file": rig.scale * before,
-        "numbers_first": rig.scale * errors(found[False])[1],
+        "numbers_first": rig.scale * errors(found[True])[1],
         "together": rig.scale * after,
         "bound": rig.bound,
-        "numbers_first_named": names(found[False]),
-        "numbers_first_verdict": found[False].verdict,
+        "numbers_first_named": names(found[True]),
+        "numbers_first_verdict": found[True].verdict,
         "trap": rig.trap,
     }
 

@@ -1,4 +1,4 @@
-"""Which of many fitted models is told: the simplest that holds on data set aside, and what equals it."""
+"""Choice among fitted models: the likeliest on all data whose effects all pay, and its alternatives."""
 
 from __future__ import annotations
 
@@ -10,83 +10,94 @@ import numpy as np
 from .model import Floats, Model
 
 TIED = 10.0
-"""Evidence in 2 log L below which models are as good as each other (Kass and Raftery 1995): the
-catalogue's order decides which of them is told first."""
+"""2 log L below which models are as good as each other (Kass and Raftery 1995): the catalogue's order
+decides which of them is reported first."""
 
 FINALISTS = 24
-"""Models that are judged on the data set aside, the most worth first."""
+"""Models that are compared, the best first."""
 
-OPEN_TO = 1.2
-"""Times that error up to which a model of no more values is open, if the fitted data prefer it."""
+FORM_ERROR = 0.2
+"""Error of an effect's form as a share of its size. What it leaves, this squared times the gain of the
+effects, is no evidence of a further effect."""
 
-NEAR_BEST = 1.05
-"""Times the least error on data set aside that a simpler model may have and still be chosen."""
+VETO = 1.5
+"""Times the least held-out rms error from which on a model is not chosen, however likely it is."""
+
+NO_WORSE = 1.05
+"""Times the ship file's held-out rms error that a channel may have, at most."""
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """A model of the search, and what it is worth.
+    """A model of the search, and how good it is.
 
     Args:
         model: fitted.
-        merit: its 2 log L less what its effects and the search for them cost.
-        held: its error on the data set aside, by channel, in the channels' units.
-        compared: the same with rows that are far off counting no more than others that are.
-        place: of its effects in the catalogue, all together.
+        merit: its 2 log L on the fitted data less the price of its effects and of the search for them.
+        held: its rms error on the held-out data by channel, in the channels' units.
+        compared: the same with outliers clipped.
+        likelihood: 2 log L of the held-out data by the noise model.
+        place: sum of its effects' places in the catalogue.
     """
 
     model: Model
     merit: float
     held: Floats
     compared: Floats
+    likelihood: float = 0.0
     place: int = 0
+
+    @property
+    def evidence(self) -> float:
+        """2 log L of all data less the price."""
+        return self.merit + self.likelihood
 
 
 def _pays(one: Ranked, ranked: list[Ranked]) -> bool:
-    """Whether all of a model's effects pay their price: no part of them is worth more than the whole."""
-    return not any(o.model.labels < one.model.labels and o.merit > one.merit for o in ranked)
+    """Return whether all effects of a model pay: no part of them is nearly as good as the whole.
+
+    A part is a model with some of the effects, or with the same ones in forms of fewer values. What the
+    forms of its effects may have wrong is not held against it.
+    """
+    plain = min((o for o in ranked if not o.model.effects), key=lambda o: o.merit, default=None)
+    for other in ranked:
+        part = other.model.labels < one.model.labels
+        simpler = other.model.kinds == one.model.kinds and other.model.size < one.model.size
+        if part or simpler:
+            gained = other.evidence - plain.evidence if plain is not None else 0.0
+            if one.evidence <= other.evidence + FORM_ERROR**2 * max(gained, 0.0):
+                return False
+    return True
 
 
 def total(held: Floats, best: Floats) -> float:
-    """Error on data set aside over a best one, the channels' geometric mean."""
+    """Return a held-out error over a best one, the geometric mean of the channels."""
     return float(np.exp(np.mean(np.log(held / best)))) if np.isfinite(held).all() else math.inf
 
 
-def chosen(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
-    """The simplest model that is within :data:`NEAR_BEST` of the best in every channel set aside.
+def choose(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
+    """Return the likeliest model whose effects pay, and those that are as good.
 
     Args:
-        ranked: by merit, best first; the :data:`FINALISTS` first and the best of each size run.
-        before: error of the file's ship there, by channel. What follows a channel worse is left out.
+        ranked: models by merit, the best first.
+        before: held-out rms error of the file's ship by channel, in the channels' units. A model that
+            is worse in a channel is not chosen.
 
     Returns:
-        The model, and others as good and no larger, which the recordings cannot tell from it. One that
-        the fitted data prefer and the data set aside do not, or the other way round, is among them.
+        The model; and the models of no more values that the recordings cannot distinguish from it: as
+        likely, or likelier with a clearly larger held-out error.
     """
-    runners = list(ranked[:FINALISTS])
-    for size in {one.model.size for one in ranked}:
-        best = next(one for one in ranked if one.model.size == size)
-        if best not in runners:
-            runners.append(best)
-    runners = [one for one in runners if _pays(one, ranked)]
-    runners = [one for one in runners if np.all(one.held <= NEAR_BEST * before)] or runners
+    runners = sorted(ranked, key=lambda one: one.evidence, reverse=True)
+    runners = [one for one in runners if np.isfinite(one.evidence)] or ranked
+    runners = [one for one in runners if _pays(one, ranked)][:FINALISTS] or runners[:1]
+    runners = [one for one in runners if np.all(one.held <= NO_WORSE * before)] or runners
     scale = runners[0].compared
     errors = [total(one.compared, scale) for one in runners]
     least = min(errors)
-    leader = runners[errors.index(least)].compared
-    near = [one for one in runners if np.all(one.compared <= NEAR_BEST * leader)]
-    smallest = min(one.model.size for one in near)
-    alike = [one for one in near if one.model.size == smallest]
-    clear = max(one.merit for one in alike)
-    # what the fitted data prefer and the others do not, or nearly as much: together they do not decide
-    alike += [
-        one
-        for one, error in zip(runners, errors, strict=True)
-        if one.model.size <= smallest
-        and one not in near
-        and error <= OPEN_TO * least
-        and one.merit > clear - TIED
-    ]
-    top = max(one.merit for one in alike)
-    best = min((one for one in alike if one.merit >= top - TIED), key=lambda one: one.place)
-    return best, [one for one in alike if one is not best]
+    held = [o for o, error in zip(runners, errors, strict=True) if error <= VETO * least]
+    top = max(one.evidence for one in held)
+    alike = [one for one in held if one.evidence > top - TIED]
+    best = min(alike, key=lambda one: one.place)
+    vetoed = [one for one in runners if one not in held and one.evidence > top]
+    others = [one for one in (*alike, *vetoed) if one.model.size <= best.model.size]
+    return best, [one for one in others if one is not best]

@@ -1,4 +1,4 @@
-"""A diagnosis by the joint search: what was found, judged where nothing was fitted."""
+"""Diagnosis by the structure search: the chosen model, judged on held-out data."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from ..search.selection import Candidate, Selection
 from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
-from .choice import Ranked, chosen, total
-from .doubts import Doubt
+from .choice import Ranked, choose, total
+from .priors import Prior
 from .model import Floats, Model
 from .naming import named
 from .output_error import OutputError
@@ -43,49 +43,93 @@ from .search import StructureSearch
 OF_NOISE = 2.0
 """Times the noise of every channel up to which the error on data set aside counts as explained."""
 
+CLOSER = 0.8
+"""Share of the first diagnosis's held-out error that the model of this search must come below, as the
+channels' geometric mean. Otherwise the first diagnosis stands: it knows effects that act for a time."""
+
+MOST_VALUES = 120_000
+"""Values of a recording, rows times channels, above which the search would take too long."""
+
 BETTER = 0.9
 """Share of the error of the ship without effects, all numbers refitted, that effects must come below."""
 
 
-def diagnosed_jointly(
-    file: Ship,
+def diagnose_structure(
+    first: Diagnosis,
     setting: Setting,
     together: JointRecordings,
     effects: list[Effect],
     tick: Tick,
     tolerance: float = 1.0,
     most: int | None = None,
-) -> Diagnosis:
-    """Diagnose recordings with physics and numbers searched together.
+) -> Diagnosis | None:
+    """Diagnose recordings with effects and parameters estimated together.
 
     Args:
-        file: the ship as the diagnosis begins with it.
+        first: diagnosis by the search that holds the parameters within their tolerances.
         setting: how the recordings are looked at.
         together: the recordings.
         effects: candidates.
-        tick: told the stage, how much is done, and how much there is.
-        tolerance: factor on the tolerances of the ship's numbers.
-        most: effects that are named, at most.
+        tick: called with the stage, how much is done, and how much there is.
+        tolerance: factor on the tolerances of the ship's parameters.
+        most: effects that are reported, at most.
+
+    Returns:
+        The diagnosis; None where the first one is within the noise, or as close to the held-out data.
     """
+    fitter, replay = setting.fitter, setting.balances.replay
+    if replay.rows * len(replay.channels) > MOST_VALUES:
+        return None
+    segments = list(zip(fitter.bands.starts, fitter.bands.ends, strict=True))
+    highest = fitter.bands.highest_Hz
+    problem = OutputError(setting.balances, segments, setting.held, tolerance, highest)
+    corrected = JointReplay(
+        first.corrected, *together.tables, line=replay.line, every=replay.every
+    )
+    rival = OutputError(Balances(corrected), segments, setting.held, 0.0)
+    residual = rival.held_residual(rival.file_model())
+    noise = np.array([replay.noise_rms[c] for c in problem.names])
+    if np.all(rival.rms(residual) <= OF_NOISE * noise):
+        return None
+    search = StructureSearch(problem, effects, tick, most)
+    quick = [problem.held_error(model) for model in search.quick_pass()]
+    if min(total(error, rival.rms(residual)) for error in quick) > CLOSER:
+        return None
+    ranked = search.search()
+    nothing = problem.held_error(problem.file_model())
+    best, alike = choose(ranked, nothing)
+    if total(best.compared, rival.rms(residual, search.limit)) > CLOSER:
+        return None
+    found = _diagnosed(first.ship, problem, search, ranked, best, alike, setting, together)
+    return None if found.verdict == UNEXPLAINED else found
+
+
+def _diagnosed(
+    file: Ship,
+    problem: OutputError,
+    search: StructureSearch,
+    ranked: list[Ranked],
+    best: Ranked,
+    alike: list[Ranked],
+    setting: Setting,
+    together: JointRecordings,
+) -> Diagnosis:
+    """Return the diagnosis that a chosen model amounts to."""
+    nothing = problem.held_error(problem.file_model())
     fitter = setting.fitter
     segments = list(zip(fitter.bands.starts, fitter.bands.ends, strict=True))
-    rows = np.concatenate([np.arange(a, b) for a, b in setting.held])
-    problem = OutputError(setting.balances, segments, tolerance)
-    search = StructureSearch(problem, effects, rows, tick, most)
-    ranked = search.search()
-    nothing = problem.held_error(problem.nothing(), rows)
-    best, alike = chosen(ranked, nothing)
+    rows = problem.held_rows
     plain = next(one for one in ranked if not one.model.effects)
     model, replaced = named(search, best.model)
     if replaced:
-        held = problem.held_error(model, rows)
+        held = problem.held_error(model)
         best = Ranked(model, search.merit(model), held, held)
         alike = []
 
     ship = _with_numbers(file, problem, model)
     replay = setting.balances.replay
     own = Balances(JointReplay(ship, *together.tables, line=replay.line, every=replay.every))
-    moved = Fitter(own, bands_of(own, segments, fitter.bands.highest_Hz), tolerance)
+    moved = Fitter(own, bands_of(own, segments, fitter.bands.highest_Hz), problem.tolerance)
     fit = moved.fitted(model.effects)
     whiteness = Whiteness(moved, replay.noise_rms, replay.quantisation)
     selection = _selection(moved, fit, best, alike, ranked, search)
@@ -109,7 +153,7 @@ def diagnosed_jointly(
     gain = judge(corrected.record()) - judge(file.record())
     measured = replay.recorded
     sailed = replay.simulated(replay.simulate(file.record()))
-    followed = dict(zip(problem.names, problem.followed(model), strict=True))
+    followed = dict(zip(problem.names, problem.simulate(model), strict=True))
     if corrected == file:
         followed = sailed
     interval = replay.interval_s
@@ -155,10 +199,10 @@ def diagnosed_jointly(
 def _with_numbers(file: Ship, problem: OutputError, model: Model) -> Ship:
     """The ship of the file with the numbers that a model has moved."""
     values = {}
-    for doubt, moved in zip(problem.doubts, model.numbers, strict=True):
+    for doubt, moved in zip(problem.priors, model.shifts, strict=True):
         if abs(moved) > 0.1 * doubt.near:
             number = file.number(doubt.key)
-            value = float(np.clip(doubt.at(float(moved)), *number.searched))
+            value = float(np.clip(doubt.value_at(float(moved)), *number.searched))
             values[doubt.key] = number.info.inside(value)
     with contextlib.suppress(ShipError):  # two numbers that do not go together
         return file.with_values(values) if values else file
@@ -177,7 +221,7 @@ def _verdict(
     if total(best.held, plain) > BETTER and not (quiet or white):
         return UNEXPLAINED
     bounded = any(at_bound(problem.trial_ship, placed) for placed in fit.effects)
-    sound = not bounded and not problem.far(best.model)
+    sound = not bounded and not problem.moved_far(best.model)
     return EXPLAINED if (quiet or white) and sound else PARTLY
 
 
@@ -220,9 +264,9 @@ def _candidate(moved: Fitter, effect: Effect, one: Ranked) -> Candidate:
 
 def _estimates(problem: OutputError, model: Model, moved: Fitter) -> list[tuple[Estimate, ...]]:
     """Every effect's values with their errors, all other free values unsure as well."""
-    errors = problem.errors(model)
+    errors = problem.standard_errors(model)
     host = moved.trial_ship.host(model.effects)
-    found, place = [], len(model.numbers) + len(model.nuisance)
+    found, place = [], len(model.shifts) + len(model.nuisance)
     for placed in model.effects:
         own = []
         for parameter, value in placed.pairs:
@@ -241,15 +285,15 @@ def _estimates(problem: OutputError, model: Model, moved: Fitter) -> list[tuple[
 
 def _numbers(file: Ship, problem: OutputError, model: Model, corrected: Ship) -> list[MovedNumber]:
     """The numbers that the model has moved."""
-    errors = problem.errors(model)
+    errors = problem.standard_errors(model)
     found = []
-    for k, (doubt, moved) in enumerate(zip(problem.doubts, model.numbers, strict=True)):
+    for k, (doubt, moved) in enumerate(zip(problem.priors, model.shifts, strict=True)):
         shifts = float(moved) / doubt.near
         if abs(shifts) < TOLD:
             continue
         number = file.number(doubt.key)
-        value = doubt.at(float(moved))
-        spread = float(errors[k]) * (value if doubt.share else 1.0)
+        value = doubt.value_at(float(moved))
+        spread = float(errors[k]) * (value if doubt.ratio else 1.0)
         found.append(
             MovedNumber(
                 doubt.key, number.info.unit, number.value, value, abs(spread), shifts, "tolerance",
@@ -259,7 +303,7 @@ def _numbers(file: Ship, problem: OutputError, model: Model, corrected: Ship) ->
     return found
 
 
-def _wrong(file: Ship, replaced: dict[str, list[Doubt]], finding: Finding) -> WrongNumber | None:
+def _wrong(file: Ship, replaced: dict[str, list[Prior]], finding: Finding) -> WrongNumber | None:
     """The number of the file that would explain a finding as well."""
     doubts = replaced.get(finding.effect.label, [])
     if len(doubts) != 1:
@@ -275,10 +319,10 @@ def _remarks(best: Ranked, problem: OutputError, nothing: np.ndarray) -> list[st
         f"{column}: error on the data set aside {before:.4g} as the file has it, {after:.4g} now"
         for column, before, after in zip(problem.names, nothing, best.held, strict=True)
     ]
-    for k in sorted(problem.far(best.model)):
-        doubt, moved = problem.doubts[k], float(best.model.numbers[k])
+    for k in sorted(problem.moved_far(best.model)):
+        doubt, moved = problem.priors[k], float(best.model.shifts[k])
         said.append(
-            f"{doubt.key} moved from {doubt.value:.4g} to {doubt.at(moved):.4g}, "
+            f"{doubt.key} moved from {doubt.value:.4g} to {doubt.value_at(moved):.4g}, "
             f"{abs(moved) / doubt.near:.0f} tolerances: the file's tolerance or its number is wrong"
         )
     return said

@@ -1,8 +1,8 @@
-"""A ship fitted to recordings: effects, numbers and what else was free."""
+"""A ship fitted to recordings: effects, shifts of parameters, and nuisance values."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,31 +18,28 @@ class Model:
 
     Args:
         effects: with their values.
-        numbers: how far each doubtful number has moved, shape (doubts,).
+        shifts: distance of each parameter from the ship file, as its prior counts it, shape (priors,).
         nuisance: shift of the first pitch ratio, shaft speed and ship speed of each recording, in
             deviations, and then of each channel's clock, in rows; shape (3 recordings + channels,).
-        score: 2 log L with the priors [-].
-        error: measured minus simulated on the fitted rows, shape (channels, rows).
-        columns: what each free value moves there, shape (free values, channels, rows).
-        precision: of each free value's prior, 0 where it has none; shape (free values,).
-        units: what 1 in its coordinate is of each free value in its own unit; likewise.
+        score: 2 log L with the priors [-]; only differences mean anything.
     """
 
     effects: tuple[Placed, ...]
-    numbers: Floats
+    shifts: Floats
     nuisance: Floats
     score: float
-    error: Floats = field(repr=False)
-    columns: Floats = field(repr=False)
-    precision: Floats = field(repr=False)
-    units: Floats = field(repr=False)
 
     @property
     def labels(self) -> frozenset[str]:
-        """Of its effects."""
+        """Labels of the effects."""
         return frozenset(placed.effect.label for placed in self.effects)
 
     @property
+    def kinds(self) -> frozenset[tuple[str, str]]:
+        """Kinds of the effects, whatever their form."""
+        return frozenset(placed.effect.kind for placed in self.effects)
+
+    @property
     def size(self) -> int:
-        """How many values its effects have."""
+        """Number of values that the effects have."""
         return sum(len(placed.values) for placed in self.effects)

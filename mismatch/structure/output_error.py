@@ -1,14 +1,14 @@
-"""Output error: a ship with some effects on it, fitted to the channels that were measured.
+"""Output error: a ship with some effects on it, fitted to the measured channels.
 
-What is compared is the free-running simulation and each measured channel, row by row. Numbers of the
-ship's file, the first state, the skew between the channels' clocks and the values of the effects are all
-free at once, each with its prior. The likelihood is
+The free-running simulation is compared with each measured channel, row by row. Parameters of the ship
+file, the first state, the skew between the channels' clocks and the values of the effects are all free
+at once, each with its prior. The likelihood is
 
-    2 log L = -sum over channels of N_c log(mean w e^2) - what the priors say,
+    2 log L = -sum over channels of N log(mean e^2) + 2 log of the priors,
 
-``N_c`` the rows' number less what their neighbours repeat, ``w`` small where a row lies far from what
-the richest model says (Huber 1964). Gauss and Newton's steps are taken over fixed differences in scaled
-coordinates, inside bounds: relative steps vanish at neutral values.
+``e`` the residual, whitened by the noise model of the richest model found so far (raw until there is
+one), ``N`` its number of independent values. Gauss-Newton steps are taken over fixed finite differences
+in scaled coordinates, inside bounds: relative differences vanish at neutral values.
 """
 
 from __future__ import annotations
@@ -27,36 +27,33 @@ from ..simulate.at_once import at_once
 from ..simulate.balances import Balances
 from ..simulate.tolerances import START
 from .coordinates import FIXED, Coordinates
-from .doubts import Doubt, doubts_of
 from .model import Floats, Model
-from .rows import telling
+from .noise_model import NoiseModel, Whitener, row_weights
+from .priors import Prior, parameter_priors
 
 Segments = Sequence[tuple[int, int]]
 
 SKEW_ROWS = 0.29
 """Standard deviation of the shift of a channel's clock, in recorded rows: evenly likely up to half."""
 
-START_LOOSE = 0.01
-"""Precision of a first state's shift in the deviations of :data:`START`: ten of them, for what is read
-behind a lag is another thing than the state."""
+START_PRECISION = 0.01
+"""Precision of a first state's shift in the deviations of :data:`START`: ten of them, because a lagging
+instrument does not measure the state."""
 
 FIRST_ROWS = 100
-"""From which the first state of a recording is told that was not fitted, at most."""
-
-HUBER = 3.0
-"""Deviations beyond which a row counts less, in 1.48 times the median of all."""
+"""Rows from which the first state of a held-out recording is estimated, at most."""
 
 FAR_TOLERANCES = 3.0
 """Tolerances beyond which a parameter has moved far from the ship file."""
 
 MOST_STEPS = 14
-"""Of Gauss and Newton."""
+"""Gauss-Newton steps of a fit, at most."""
 
 SETTLED = 0.02
-"""Gain in 2 log L of a step below which no other is taken."""
+"""Gain in 2 log L of a step below which a fit ends."""
 
 LEAST_NOISE = 0.5
-"""Times a channel's white noise that a model's error counts at least."""
+"""Times a channel's white noise that a model's residual counts at least."""
 
 
 class OutputError:
@@ -64,16 +61,35 @@ class OutputError:
 
     Args:
         balances: of ship and recordings.
-        fitted: rows that may be fitted.
-        tolerance: factor on the tolerances of the ship's numbers; 0 holds them all.
+        fitted: rows that may be fitted, as segments (first row, one past the last).
+        held: held-out rows, likewise.
+        tolerance: factor on the tolerances of the ship's parameters; 0 holds them all.
+        highest_Hz: highest frequency that counts once there is a noise model.
+
+    Attributes:
+        rows: indices of the fitted rows.
+        held_rows: indices of the held-out rows.
     """
 
-    def __init__(self, balances: Balances, fitted: Segments, tolerance: float = 1.0) -> None:
+    def __init__(
+        self,
+        balances: Balances,
+        fitted: Segments,
+        held: Segments,
+        tolerance: float = 1.0,
+        highest_Hz: float = math.inf,
+    ) -> None:
         self.replay = balances.replay
+        self.tolerance = tolerance
         self.trial_ship = TrialShip(balances)
-        self.doubts: list[Doubt] = doubts_of(self.replay, tolerance)
+        self.priors: list[Prior] = parameter_priors(self.replay, tolerance)
         self.names = list(self.replay.channels)
-        self.rows = np.concatenate([np.arange(a, b) for a, b in fitted])
+        self.rows, self.held_rows = (
+            np.concatenate([np.arange(a, b) for a, b in segments]) for segments in (fitted, held)
+        )
+        self._lengths, self._held_lengths = (
+            [b - a for a, b in segments] for segments in (fitted, held)
+        )
         self.simulations = 0
         ship = self.replay.ship
         shaft = max(abs(self.replay.start[1]), 1.0)
@@ -86,24 +102,27 @@ class OutputError:
         self._measured = np.array([self.replay.recorded[c] for c in self.names])
         self._floor = np.array([LEAST_NOISE * self.replay.noise_rms[c] for c in self.names])
         self._floor += 1e-9 * np.abs(self._measured).max(axis=1) + 1e-300
+        self._highest_Hz = highest_Hz
         self.weights = np.ones((len(self.names), len(self.rows)))
-        self.counts = np.full(len(self.names), float(len(self.rows)))
+        self._whitener: Whitener | None = None
+        self._held_whitener: Whitener | None = None
+        self._least = self._floor  # of what is compared, whitened or raw
 
-    def record(self, effects: tuple[Placed, ...], numbers: Floats) -> Any:
-        """Ship record with the doubtful numbers moved and effects on it, which have the last word."""
+    def record(self, effects: tuple[Placed, ...], shifts: Floats) -> Any:
+        """Return the ship's record with shifted parameters and effects, which have the last word."""
         plant = self.trial_ship.host(effects).record()
-        for doubt, moved in zip(self.doubts, numbers, strict=True):
-            doubt.write(plant, doubt.at(float(moved)))
+        for prior, shift in zip(self.priors, shifts, strict=True):
+            prior.write(plant, prior.value_at(float(shift)))
         self.trial_ship.write(plant, effects)
         return plant
 
     def channels(
-        self, effects: tuple[Placed, ...], numbers: Floats, nuisance: Floats
+        self, effects: tuple[Placed, ...], shifts: Floats, nuisance: Floats
     ) -> tuple[Floats, Floats]:
-        """Simulated channels on all rows and their rate by row, each of shape (channels, rows)."""
+        """Return simulated channels on all rows and their rate by row, each shape (channels, rows)."""
         self.simulations += 1
         count = len(self.starts)
-        found = self.replay.channels_of(self.record(effects, numbers), each=self._shifts(nuisance))
+        found = self.replay.channels_of(self.record(effects, shifts), each=self._first(nuisance))
         values = np.array([found[c] for c in self.names])
         slopes = np.zeros_like(values)
         for a, b in self.replay.segments:
@@ -111,58 +130,66 @@ class OutputError:
                 slopes[:, a:b] = np.gradient(values[:, a:b], axis=1)
         return values + nuisance[count:, None] * slopes, slopes
 
-    def _shifts(self, nuisance: Floats) -> list[tuple[float, ...]]:
-        """Shift of each recording's first state, in the states' units."""
+    def _first(self, nuisance: Floats) -> list[tuple[float, ...]]:
+        """Return the shift of each recording's first state, in the states' units."""
         shifts = nuisance[: len(self.starts)] * self.starts
         return [tuple(map(float, one)) for one in shifts.reshape(-1, 3)]
 
-    def of_run(
-        self, run: int, effects: tuple[Placed, ...], numbers: Floats, nuisance: Floats
+    def channels_of_run(
+        self, run: int, effects: tuple[Placed, ...], shifts: Floats, nuisance: Floats
     ) -> Floats:
-        """Simulated channels of one recording, its clock's skew left out; shape (channels, rows)."""
-        shift = self._shifts(nuisance)[run]
-        found = self.replay.channels_of_run(run, self.record(effects, numbers), shift)
+        """Return one recording's simulated channels without clock skew, shape (channels, rows)."""
+        first = self._first(nuisance)[run]
+        found = self.replay.channels_of_run(run, self.record(effects, shifts), first)
         return np.array([found[c] for c in self.names])
 
-    def followed(self, model: Model) -> Floats:
-        """Simulated channels of a model on all rows, each recording from its own first state."""
-        return self.channels(model.effects, model.numbers, self._started(model))[0]
+    def simulate(self, model: Model) -> Floats:
+        """Return a model's simulated channels on all rows, each recording from its own first state."""
+        return self.channels(model.effects, model.shifts, self._with_first_states(model))[0]
 
-    def errors(self, model: Model) -> Floats:
-        """Standard error of each number as it moved, of the nuisance, and of each effect's value.
+    def residual(self, model: Model) -> Floats:
+        """Return measured minus simulated on the fitted rows, shape (channels, rows)."""
+        values, _ = self.channels(model.effects, model.shifts, model.nuisance)
+        return np.asarray((self._measured - values)[:, self.rows])
 
-        By the curvature at the maximum, all beside it unsure as well; shape (free values,).
-        """
-        information = self._information(model.columns, self.scaled(model.error), model.precision)[0]
-        variances = np.maximum(np.diag(np.linalg.pinv(information)), 0.0)
-        return np.asarray(np.sqrt(variances) * model.units)
+    def held_residual(self, model: Model) -> Floats:
+        """Return measured minus simulated on the held-out rows, shape (channels, rows)."""
+        return np.asarray((self._measured - self.simulate(model))[:, self.held_rows])
 
-    def held_error(self, model: Model, rows: NDArray[np.int64]) -> Floats:
-        """Return the rms residual of a model on held-out rows, as :meth:`rms`."""
-        return self.rms(self.held_residual(model, rows))
+    def held_error(self, model: Model) -> Floats:
+        """Return the rms residual of a model on the held-out rows, as :meth:`rms`."""
+        return self.rms(self.held_residual(model))
 
-    def held_residual(self, model: Model, rows: NDArray[np.int64]) -> Floats:
-        """Return measured minus simulated on held-out rows, shape (channels, rows)."""
-        return np.asarray((self._measured - self.followed(model))[:, rows])
-
-    def rms(self, error: Floats, limit: Floats | None = None) -> Floats:
+    def rms(self, residual: Floats, limit: Floats | None = None) -> Floats:
         """Return the rms of a residual by channel, no less than half the channel's noise.
 
         Args:
-            error: residual, shape (channels, rows).
-            limit: size by channel at which each row's residual is clipped; no clipping by default.
+            residual: shape (channels, rows).
+            limit: size by channel at which each row is clipped; no clipping by default.
         """
-        if not np.isfinite(error).all():
+        if not np.isfinite(residual).all():
             return np.full(len(self.names), math.inf)
         if limit is not None:
-            error = np.minimum(np.abs(error), limit[:, None])
-        return np.asarray(np.hypot(np.sqrt(np.mean(error**2, axis=1)), self._floor))
+            residual = np.minimum(np.abs(residual), limit[:, None])
+        return np.asarray(np.hypot(np.sqrt(np.mean(residual**2, axis=1)), self._floor))
 
-    def _started(self, model: Model) -> Floats:
-        """A model's nuisance with the first states of recordings that were not fitted.
+    def held_score(self, residual: Floats, limit: Floats) -> float:
+        """Return 2 log L of a residual on the held-out rows, whitened by the noise model.
 
-        They are told by those recordings' first rows: where an instrument lags, what it reads first is
-        not what the ship does.
+        Args:
+            residual: shape (channels, rows).
+            limit: size by channel at which each row is clipped.
+        """
+        if not np.isfinite(residual).all():
+            return -math.inf
+        clipped = np.clip(residual, -limit[:, None], limit[:, None])
+        return self._log_likelihood(self._whiten(self._held_whitener, clipped), self._held_whitener)
+
+    def _with_first_states(self, model: Model) -> Floats:
+        """Return a model's nuisance values with the first states of the recordings not fitted.
+
+        They are estimated from those recordings' first rows: what a lagging instrument measures first
+        is not the ship's state.
         """
         nuisance, scale = model.nuisance.copy(), 0.3
         for run, (a, b) in enumerate(self.replay.segments):
@@ -171,12 +198,12 @@ class OutputError:
             first = slice(0, max(2, min(FIRST_ROWS, (b - a) // 4)))
             own = [3 * run + k for k in range(3) if self.starts[3 * run + k] > 0.0]
             for _ in range(3):
-                here = self.of_run(run, model.effects, model.numbers, nuisance)
+                here = self.channels_of_run(run, model.effects, model.shifts, nuisance)
                 columns = []
                 for k in own:
                     moved = nuisance.copy()
                     moved[k] += scale
-                    there = self.of_run(run, model.effects, model.numbers, moved)
+                    there = self.channels_of_run(run, model.effects, model.shifts, moved)
                     columns.append(((there - here)[:, : first.stop] / scale).ravel())
                 lacking = (self._measured[:, a : a + first.stop] - here[:, : first.stop]).ravel()
                 if not np.isfinite(columns).all() or not np.isfinite(lacking).all():
@@ -184,102 +211,149 @@ class OutputError:
                 nuisance[own] += np.linalg.lstsq(np.transpose(columns), lacking, rcond=1e-9)[0]
         return nuisance
 
-    def nothing(self) -> Model:
-        """The ship as its file has it, not yet fitted."""
-        none = np.zeros(0)
-        return Model(
-            (), np.zeros(len(self.doubts)), np.zeros(len(self.starts) + len(self.names)), -math.inf,
-            none, none, none, none,
+    def file_model(self) -> Model:
+        """Return the ship as its file has it, not fitted."""
+        nuisance = np.zeros(len(self.starts) + len(self.names))
+        return Model((), np.zeros(len(self.priors)), nuisance, -math.inf)
+
+    def set_noise_model(self, model: Model) -> None:
+        """Take outliers and the noise's spectrum from the residual of the richest model."""
+        residual = self.residual(model)
+        self.weights = row_weights(residual, self._floor)
+        noise = NoiseModel(
+            residual * np.sqrt(self.weights), self._floor, self._lengths, self.replay.interval_s,
+            self._highest_Hz,
         )  # fmt: skip
+        self._whitener = noise.whitener(self._lengths)
+        self._held_whitener = noise.whitener(self._held_lengths)
+        self._least = noise.least(self._floor)
 
-    def score(
-        self, error: Floats, numbers: Floats, nuisance: Floats, guessed: bool = False
-    ) -> float:
-        """2 log L of errors on the fitted rows, with what the priors say."""
-        if not np.isfinite(error).all():
+    def white(self, residual: Floats) -> Floats:
+        """Return residuals on the fitted rows as they are compared, outliers with less weight.
+
+        Args:
+            residual: shape (..., channels, rows).
+        """
+        return self._whiten(self._whitener, residual * np.sqrt(self.weights))
+
+    @staticmethod
+    def _whiten(whitener: Whitener | None, residual: Floats) -> Floats:
+        return residual if whitener is None else whitener(residual)
+
+    def _count(self, whitener: Whitener | None, white: Floats) -> float:
+        """Return the number of independent values in each channel."""
+        return float(white.shape[-1]) if whitener is None else whitener.count
+
+    def _power(self, white: Floats, whitener: Whitener | None) -> Floats:
+        """Return the mean square of whitened residuals by channel."""
+        mean = np.sum(white**2, axis=-1) / self._count(whitener, white)
+        return np.asarray(mean + self._least**2)
+
+    def _log_likelihood(self, white: Floats, whitener: Whitener | None) -> float:
+        power = self._power(white, whitener)
+        return -self._count(whitener, white) * float(np.sum(np.log(power)))
+
+    def score(self, white: Floats, shifts: Floats, nuisance: Floats, guessed: bool = False) -> float:
+        """Return 2 log L of whitened residuals on the fitted rows, with the priors."""
+        if not np.isfinite(white).all():
             return -math.inf
-        said = -float(np.sum(self.counts * np.log(self._power(error))))
-        said -= sum(d.penalty(float(x), guessed) for d, x in zip(self.doubts, numbers, strict=True))
-        return said - float(np.sum(self.loose() * nuisance**2))
+        found = self._log_likelihood(white, self._whitener)
+        found -= sum(
+            prior.penalty(float(x), guessed)
+            for prior, x in zip(self.priors, shifts, strict=True)
+        )
+        return found - float(np.sum(self.nuisance_precision() * nuisance**2))
 
-    def _power(self, error: Floats) -> Floats:
-        """Weighted mean square of errors by channel."""
-        mean = np.sum(self.weights * error**2, axis=1) / np.sum(self.weights, axis=1)
-        return np.asarray(mean + self._floor**2)
-
-    def loose(self) -> Floats:
-        """Precision of the nuisance's priors; of what cannot move as good as infinite."""
-        starts = np.where(self.starts > 0.0, START_LOOSE, FIXED)
+    def nuisance_precision(self) -> Floats:
+        """Return the precision of each nuisance value's prior; :data:`FIXED` of one that cannot move."""
+        starts = np.where(self.starts > 0.0, START_PRECISION, FIXED)
         skew = SKEW_ROWS / self.replay.every
         return np.concatenate([starts, np.full(len(self.names), skew**-2.0)])
 
-    def near(self, model: Model, which: Collection[int] | None = None) -> Model:
-        """A model with some numbers held near the file, all by default, and everything else fitted.
+    def scale(self, white: Floats) -> Floats:
+        """Return the factors by channel that give whitened residuals the variance 1."""
+        return np.asarray(1.0 / np.sqrt(self._power(white, self._whitener)))
 
-        Its score has no chance that the file is wrong in these.
+    def fit_near_file(self, model: Model, which: Collection[int] | None = None) -> Model:
+        """Fit a model with parameters held within the file's tolerances.
 
         Args:
-            model: where the rest starts.
-            which: numbers by index.
+            model: where the fit starts.
+            which: indices of these parameters; all by default.
+
+        Returns:
+            The model; its score has no probability that the file is wrong in these parameters.
         """
-        before, numbers = list(self.doubts), model.numbers.copy()
+        before, shifts = list(self.priors), model.shifts.copy()
         which = range(len(before)) if which is None else which
-        numbers[[*which]] = 0.0
+        shifts[[*which]] = 0.0
         self.hold(which)
         try:
-            return self.fit(model.effects, replace(model, numbers=numbers))
+            return self.fit(model.effects, replace(model, shifts=shifts))
         finally:
-            self.doubts[:] = before
+            self.priors[:] = before
 
     def hold(self, which: Iterable[int]) -> None:
         """Hold parameters of the ship file, by index, within their tolerances from now on."""
         for k in which:
-            self.doubts[k] = replace(self.doubts[k], wrong=0.0)
+            self.priors[k] = replace(self.priors[k], wrong=0.0)
 
-    def far(self, model: Model) -> list[int]:
+    def moved_far(self, model: Model) -> list[int]:
         """Return the indices of parameters beyond :data:`FAR_TOLERANCES`, the farthest first."""
-        shifts = np.abs(model.numbers) / np.array([doubt.near for doubt in self.doubts])
-        return [
-            k for k in np.argsort(-shifts, kind="stable").tolist() if shifts[k] > FAR_TOLERANCES
-        ]
+        sizes = np.abs(model.shifts) / np.array([prior.near for prior in self.priors])
+        return [k for k in np.argsort(-sizes, kind="stable").tolist() if sizes[k] > FAR_TOLERANCES]
 
-    def freed(self, model: Model) -> Model:
-        """A model fitted anew from where it comes to if all numbers were guessed, if that is better.
+    def fit_from_far(self, model: Model) -> Model:
+        """Fit a model from where it ends if all tolerances were guessed; return the better one.
 
-        A number that is a little off is held by its tolerance; far off it may be right.
+        The file's tolerance holds a parameter that is slightly off, although a far value may be right.
         """
         wide = self.fit(model.effects, model, guessed=True)
         return max(model, self.fit(wide.effects, wide), key=lambda one: one.score)
 
-    def fit(self, effects: tuple[Placed, ...], begin: Model, guessed: bool = False) -> Model:
+    def fit(
+        self,
+        effects: tuple[Placed, ...],
+        begin: Model,
+        guessed: bool = False,
+        tangent: Floats | None = None,
+    ) -> Model:
         """Fit all free values together.
 
         Args:
             effects: at the values from which they start.
-            begin: a model whose numbers and nuisance are the start.
-            guessed: whether the file's tolerances are left aside.
+            begin: model whose shifts and nuisance values are the start.
+            guessed: whether the file's tolerances are ignored.
+            tangent: derivatives by parameters and nuisance values as of :meth:`derivatives`, taken on
+                another model nearby, which save most simulations; taken anew at each step by default.
         """
         search = Coordinates(self, effects, begin)
         point = search.start
-        values, slopes = self.channels(effects, begin.numbers, begin.nuisance)
-        error = (self._measured - values)[:, self.rows]
-        score = self.score(error, begin.numbers, begin.nuisance, guessed)
-        columns, precision = np.zeros((len(point), *error.shape)), search.precision(point, guessed)
+        values, slopes = self.channels(*search.split(point))
+        white = self.white((self._measured - values)[:, self.rows])
+        score = self.score(white, begin.shifts, begin.nuisance, guessed)
         damping = 0.0
         for _ in range(MOST_STEPS):
             if not math.isfinite(score):
                 break
-            columns = self._columns(search, point, values, slopes)
+            if tangent is None:
+                columns = self._derivatives(search, point, values, slopes, 0)
+            else:
+                own = self._derivatives(search, point, values, slopes, search.edge)
+                kept = tangent * (search.steps[: search.edge] != 0.0)[:, None, None]
+                kept[search.clocks :] = tangent[search.clocks :]
+                columns = np.concatenate([kept, own])
             precision = search.precision(point, guessed)
-            scaled = self.scaled(error)
-            lhs, flat = self._information(columns, scaled, precision)
-            rhs = flat @ (error * scaled).ravel() - precision * point
+            scale = self.scale(white)[:, None]
+            flat = (columns * scale).reshape(len(columns), -1)
+            lhs = flat @ flat.T + np.diag(precision)
+            rhs = flat @ (white * scale).ravel() - precision * point
             better = None
             for _ in range(6):
                 trial = search.stepped(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
                 moved = search.split(trial)
                 found = self.channels(*moved)
-                wrong = (self._measured - found[0])[:, self.rows]
+                wrong = self.white((self._measured - found[0])[:, self.rows])
                 gained = self.score(wrong, moved[1], moved[2], guessed) - score
                 if gained > 0.0:
                     better = (trial, found, wrong)
@@ -287,64 +361,73 @@ class OutputError:
                 damping = max(10.0 * damping, 1e-2)
             if better is None:
                 break
-            point, (values, slopes), error = better
+            point, (values, slopes), white = better
             score += gained
             damping *= 0.1
             if gained < SETTLED:
                 break
-        placed, numbers, nuisance = search.split(point)
-        return Model(placed, numbers, nuisance, score, error, columns, precision, search.units)
+        return Model(*search.split(point), score)
 
-    def scaled(self, error: Floats) -> Floats:
-        """Square roots of the weights with which rows enter a least-squares problem at some errors."""
-        share = self.counts / np.sum(self.weights, axis=1) / self._power(error)
-        return np.asarray(np.sqrt(self.weights * share[:, None]))
+    def derivatives(self, model: Model) -> tuple[Floats, Coordinates]:
+        """Return derivatives of the simulated channels at a model, whitened, and its coordinates.
 
-    @staticmethod
-    def _information(columns: Floats, scaled: Floats, precision: Floats) -> tuple[Floats, Floats]:
-        """Return the information matrix, and the weighted columns flattened."""
-        flat = (columns * scaled).reshape(len(columns), -1)
-        return flat @ flat.T + np.diag(precision), flat
+        Returns:
+            Shape (free values, channels, whitened values).
+        """
+        search = Coordinates(self, model.effects, model)
+        values, slopes = self.channels(model.effects, model.shifts, model.nuisance)
+        return self._derivatives(search, search.start, values, slopes, 0), search
 
-    def _columns(
-        self, search: Coordinates, point: Floats, values: Floats, slopes: Floats
+    def _derivatives(
+        self, search: Coordinates, point: Floats, values: Floats, slopes: Floats, first: int
     ) -> Floats:
-        """What each coordinate moves of the simulated channels on the fitted rows."""
-        steps = search.steps
-        felt = np.flatnonzero(steps > 0.0).tolist()
+        """Return whitened derivatives by the coordinates from an index on."""
+        skew = point[search.clocks : search.edge, None]
 
-        def moved(k: int) -> Floats:
+        def derivative(k: int) -> Floats:
             trial = point.copy()
-            trial[k] += steps[k]
+            trial[k] += search.steps[k]
             inside = search.inside(trial)
-            if inside[k] == point[k]:  # at its bound: felt the other way
-                trial[k] = point[k] - steps[k]
+            if inside[k] == point[k]:  # at its bound: the other way
+                trial[k] = point[k] - search.steps[k]
                 inside = search.inside(trial)
             change = inside[k] - point[k]
-            if change == 0.0:
-                return np.zeros((len(self.names), len(self.rows)))
-            if (run := search.run_of(k)) is None:
-                found, _ = self.channels(*search.split(inside))
-                column = ((found - values) / change)[:, self.rows]
-            else:
-                here, there = (self.of_run(run, *search.split(x)) for x in (point, inside))
-                whole = np.zeros_like(values)
-                whole[:, slice(*self.replay.segments[run])] = (there - here) / change
-                column = whole[:, self.rows]
-            return column if np.isfinite(column).all() else np.zeros_like(column)
+            column = np.zeros_like(values)
+            if change != 0.0:
+                if (run := search.run_of(k)) is None:
+                    column = (self.channels(*search.split(inside))[0] - values) / change
+                else:
+                    own = slice(*self.replay.segments[run])
+                    here = (values - skew * slopes)[:, own]
+                    there = self.channels_of_run(run, *search.split(inside))
+                    column[:, own] = (there - here) / change
+            column = column[:, self.rows]
+            return self.white(column if np.isfinite(column).all() else np.zeros_like(column))
 
-        columns = np.zeros((len(point), len(self.names), len(self.rows)))
-        for k, column in zip(felt, at_once(moved, felt), strict=True):
-            columns[k] = column
-        for c in range(len(self.names)):  # a clock's shift moves its own channel by its rate
-            columns[search.skew + c, c] = slopes[c, self.rows]
-        return columns
+        moving = [k for k in range(first, len(point)) if search.steps[k] > 0.0]
+        found = np.zeros((len(point) - first, *self._white_shape()))
+        for k, column in zip(moving, at_once(derivative, moving), strict=True):
+            found[k - first] = column
+        if first <= search.clocks:
+            for c in range(len(self.names)):  # a clock's shift moves its own channel by its rate
+                alone = np.zeros((len(self.names), len(self.rows)))
+                alone[c] = slopes[c, self.rows]
+                found[search.clocks + c - first] = self.white(alone)
+        return found
 
-    def heed(self, model: Model) -> None:
-        """Take from a model what its errors are: which rows are far off, and how many tell something."""
-        deviation = np.median(np.abs(model.error), axis=1, keepdims=True) / 0.6745
-        limit = HUBER * np.hypot(deviation, self._floor[:, None])
-        with np.errstate(divide="ignore"):
-            self.weights = np.minimum(1.0, limit / np.abs(model.error))
-        free = model.columns[model.precision < FIXED]
-        self.counts = np.array([telling(error, free[:, c]) for c, error in enumerate(model.error)])
+    def _white_shape(self) -> tuple[int, int]:
+        rows = len(self.rows) if self._whitener is None else self._whitener.values
+        return len(self.names), rows
+
+    def standard_errors(self, model: Model) -> Floats:
+        """Return the standard error of each shift, nuisance value and value of an effect.
+
+        They come from the curvature at the maximum with all other values uncertain as well; shape
+        (free values,), in the values' units.
+        """
+        columns, search = self.derivatives(model)
+        scale = self.scale(self.white(self.residual(model)))[:, None]
+        flat = (columns * scale).reshape(len(columns), -1)
+        information = flat @ flat.T + np.diag(search.precision(search.start, False))
+        variances = np.maximum(np.diag(np.linalg.pinv(information)), 0.0)
+        return np.asarray(np.sqrt(variances) * search.units)

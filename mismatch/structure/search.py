@@ -1,34 +1,32 @@
-"""Which effects, and with them which numbers: a beam of models, each refitted as a whole.
+"""Search over effects and parameters together: a beam of models, each refitted as a whole.
 
-A quick pass comes first and looks for the richest model alone: how many independent rows a recording
-has, and which of them are far off, cannot be told from a model that lacks something. The thorough pass
-then begins anew. From each model of its beam it tries what a straight line through the refitted model
-foretells to help most, and pairs that help together; each is fitted with everything else free. Of each
-that is found, forms that are simpler are visited as well.
+A quick pass first looks for the richest model alone: the spectrum of the noise, and which rows are
+outliers, cannot be estimated from a model that lacks something. The thorough pass then begins anew. From
+each model of its beam it tries the effects, and the pairs of effects, that a linearisation at the
+refitted model predicts to help most. Each is fitted with everything else free, first with the
+derivatives of the beam's model, which costs few simulations; the best are then fitted to the end.
+Simpler forms of the best models are fitted as well.
 """
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..progress import Tick, silent
 from ..search.effect import Effect
 from ..search.placed import Placed
 from ..search.selection import threshold
+from ..simulate.at_once import at_once
 from .choice import Ranked
 from .model import Floats, Model
+from .noise_model import OUTLIER, deviations
 from .output_error import OutputError
-from .rows import clipping_limit
-
-Fitting = Callable[[tuple[Placed, ...], Model], Model]
 
 
 class Effort(NamedTuple):
@@ -44,7 +42,13 @@ class Effort(NamedTuple):
 QUICK = Effort(kinds=4, starts=1, pairs=2, beam=1, most=3)
 THOROUGH = Effort(kinds=8, starts=2, pairs=4, beam=3, most=3)
 NEARBY = Effort(kinds=8, starts=1, pairs=0, beam=1, most=3)
-"""From a model whose numbers are held near the file, where they have moved far."""
+"""From a model whose parameters are held near the file, where they have moved far."""
+
+EXCHANGES = Effort(kinds=4, starts=1, pairs=0, beam=1, most=3)
+"""Instead of one effect of a model."""
+
+VARIED = 3
+"""Models of a round, the best first, whose effects are left out, simplified or exchanged."""
 
 PAIRED = 14
 """Effects of a screen, the best first, of which pairs are looked at."""
@@ -52,20 +56,23 @@ PAIRED = 14
 IDLE = 0.5
 """Gain in 2 log L foretold below which an effect is not tried."""
 
-POLISHED = 10
-"""Models, the most worth first, that are fitted to the end before they are compared."""
+FITTED = 6
+"""Models of a round, the best first, that are fitted with their own derivatives."""
 
-FREED = 5
-"""Models of a round, the most worth first, whose numbers are tried from far as well."""
+POLISHED = 10
+"""Models, the best first, that are fitted to the end before they are compared."""
+
+FROM_FAR = 3
+"""Models of a round, the best first, that are fitted from parameters far from the file as well."""
 
 
 @dataclass(frozen=True)
 class Screened:
-    """An effect as a straight line foretells it on a model.
+    """An effect as a linearisation predicts it on a model.
 
     Args:
-        starts: its best probes, with the foretold gain of each in 2 log L, the best first.
-        moved: what the best one moves, beside all that gives way; shape (rows of the problem,).
+        starts: its best probes, with the predicted gain of each in 2 log L, the best first.
+        moved: change of the whitened channels by the best one, orthogonal to everything that is free.
     """
 
     effect: Effect
@@ -79,39 +86,44 @@ class Screened:
 
 
 class StructureSearch:
-    """Searches effects and numbers together.
+    """Searches effects and parameters together.
 
     Args:
-        problem: the recordings' fitted rows.
-        effects: candidates; those that act for a time are left out.
-        held: rows that are set aside.
-        tick: told the stage, how much is done, and how much there is.
+        problem: fits ships to the recordings.
+        effects: candidates; those that act for a time only are left out.
+        tick: called with the stage, how much is done, and how much there is.
         most: effects of a model, at most.
+        suggested: models that are fitted and ranked beside those that the search finds.
+
+    Attributes:
+        limit: residual by channel at which held-out rows are clipped, in the channels' units.
     """
 
     def __init__(
         self,
         problem: OutputError,
         effects: list[Effect],
-        held: NDArray[np.int64],
         tick: Tick = silent,
         most: int | None = None,
+        suggested: Sequence[tuple[Placed, ...]] = (),
     ) -> None:
         self._most = THOROUGH.most if most is None else most
         self.problem = problem
         self.effects = [effect for effect in effects if not effect.windowed]
-        self.held = held
         self.tick = tick
         self.pool: dict[frozenset[str], Model] = {}
+        self._suggested = suggested
+        self._quick: list[Model] = []
+        self.limit = np.full(len(problem.names), math.inf)
 
     def search(self) -> list[Ranked]:
-        """All models worth a look, fitted, best first."""
-        quick = self._pass(QUICK._replace(most=self._most), "looking for the richest model")
-        richest = max(quick.values(), key=lambda model: model.score)
-        self.problem.heed(richest)
-        limit = clipping_limit(richest)
+        """Return all models that were fitted, the best first."""
+        quick = self.quick_pass()
+        richest = max(quick, key=_score)
+        self.limit = OUTLIER * deviations(self.problem.residual(richest))
+        self.problem.set_noise_model(richest)
         self.pool = self._pass(
-            THOROUGH._replace(most=self._most), "searching physics and numbers together"
+            THOROUGH._replace(most=self._most), "searching physics and parameters together"
         )
         for model in sorted(self.pool.values(), key=self.merit, reverse=True)[:POLISHED]:
             self._polish(model)
@@ -119,15 +131,30 @@ class StructureSearch:
         order = {effect.label: k for k, effect in enumerate(self.effects)}
         found = []
         for model in ranked:
-            error = self.problem.held_residual(model, self.held)
-            held, compared = self.problem.rms(error), self.problem.rms(error, limit)
+            residual = self.problem.held_residual(model)
             place = sum(order[label] for label in model.labels)
-            found.append(Ranked(model, self.merit(model), held, compared, place))
+            found.append(
+                Ranked(
+                    model,
+                    self.merit(model),
+                    self.problem.rms(residual),
+                    self.problem.rms(residual, self.limit),
+                    self.problem.held_score(residual, self.limit),
+                    place,
+                )
+            )
         return found
 
+    def quick_pass(self) -> list[Model]:
+        """Return the models of the quick pass, which looks for the richest one; it is run once."""
+        if not self._quick:
+            stage = "looking for the richest model"
+            self._quick = [*self._pass(QUICK._replace(most=self._most), stage).values()]
+        return self._quick
+
     def screen(self, base: Model) -> list[Screened]:
-        """Effects that a model lacks, by what a straight line foretells of each, best first."""
-        return self._screen(base)[0]
+        """Return the effects that a model lacks by their predicted gain, the best first."""
+        return self._screen(Base(self.problem, base))[0]
 
     def threshold(self, effect: Effect) -> float:
         """Gain in 2 log L that an effect must bring for itself."""
@@ -144,100 +171,109 @@ class StructureSearch:
         return model.score - self.price(model.effects)
 
     def _pass(self, effort: Effort, stage: str) -> dict[frozenset[str], Model]:
-        fit = functools.partial(self.problem.fit, guessed=effort.beam == 1)
-        first = fit((), self.problem.nothing())
-        if effort.beam > 1:
-            first = self.problem.freed(first)
+        problem, guessed = self.problem, effort.beam == 1
+        worth = _score if guessed else self.merit
+        first = problem.fit((), problem.file_model(), guessed)
+        if not guessed:
+            first = problem.fit_from_far(first)
         found = {first.labels: first}
-        beam = [first]
-        freed: set[frozenset[str]] = {first.labels}
+        if not guessed:
+            for effects in self._suggested:
+                self._keep(found, problem.fit(effects, first))
+        beam, whole, far = [first], {first.labels}, {first.labels}
+        varied: set[frozenset[str]] = set()
         for depth in range(effort.most):
-            before = max(map(self._worth(effort), found.values()))
+            before = max(map(worth, found.values()))
             trials = self._trials(beam, effort)
             for done, (base, effects) in enumerate(trials):
                 self.tick(f"{stage}, round {depth + 1}", done, len(trials))
-                self._visit(found, effects, base, fit)
+                self._keep(found, problem.fit(effects, base.model, guessed, base.tangent))
             self.tick(f"{stage}, round {depth + 1}", len(trials), len(trials))
-            if effort.beam > 1:
-                self._free(found, freed)
-                self._simplify(found)
-            beam = sorted(found.values(), key=self._worth(effort), reverse=True)[: effort.beam]
-            if self._worth(effort)(beam[0]) <= before:
+            for model in sorted(found.values(), key=worth, reverse=True)[:FITTED]:
+                if model.labels not in whole:
+                    self._keep(found, problem.fit(model.effects, model, guessed))
+                    whole.add(model.labels)
+            if not guessed:
+                for model in sorted(found.values(), key=worth, reverse=True)[:FROM_FAR]:
+                    if model.labels not in far:
+                        self._keep(found, problem.fit_from_far(model))
+                        far.add(model.labels)
+                self._vary(found, varied)
+            beam = sorted(found.values(), key=worth, reverse=True)[: effort.beam]
+            if worth(beam[0]) <= before:
                 break
         return found
 
-    def _worth(self, effort: Effort) -> Callable[[Model], float]:
-        """What a pass orders models by: all of them cost alike until the rows have been counted."""
-        return self.merit if effort.beam > 1 else lambda model: model.score
-
-    def _visit(
-        self,
-        found: dict[frozenset[str], Model],
-        effects: tuple[Placed, ...],
-        base: Model,
-        fit: Fitting,
-    ) -> None:
-        """Fit a model, and keep it if it is the best fit with its effects."""
-        model = fit(effects, base)
+    @staticmethod
+    def _keep(found: dict[frozenset[str], Model], model: Model) -> None:
+        """Keep a model if it is the best fit with its effects."""
         known = found.get(model.labels)
         if math.isfinite(model.score) and (known is None or model.score > known.score):
             found[model.labels] = model
 
-    def _free(self, found: dict[frozenset[str], Model], freed: set[frozenset[str]]) -> None:
-        """Let the best models' numbers come from far as well."""
-        for labels, model in sorted(found.items(), key=lambda item: -self.merit(item[1]))[:FREED]:
-            if labels not in freed:
-                found[labels] = self.problem.freed(model)
-                freed.add(labels)
-
     def _polish(self, model: Model) -> None:
-        """Go on from a model's values until nothing is gained, with its numbers from far as well."""
+        """Fit a model until nothing is gained, from parameters far from the file as well."""
         for _ in range(3):
-            further = self.problem.freed(self.problem.fit(model.effects, model))
+            further = self.problem.fit_from_far(self.problem.fit(model.effects, model))
             gained, model = further.score - model.score, further
             if gained < 0.1:
                 break
         self.pool[model.labels] = model
 
-    def _simplify(self, found: dict[frozenset[str], Model]) -> None:
-        """Visit the best models with one effect less, and with simpler forms of their effects."""
-        tried = set(found)
-        for model in sorted(found.values(), key=self.merit, reverse=True)[:2]:
-            for which, placed in enumerate(model.effects):
-                rest = model.effects[:which] + model.effects[which + 1 :]
-                simpler = [rest] if rest else []
-                for form in self.effects:
-                    if form.kind == placed.effect.kind and len(form.parameters) < len(
-                        placed.values
-                    ):
-                        probes = self.problem.trial_ship.trials(form, [])
-                        simpler += [
-                            other.in_place_of(model.effects, which)
-                            for other in itertools.islice(probes, 0, None, 2)
-                        ]
-                for effects in simpler:
-                    labels = frozenset(p.effect.label for p in effects)
-                    if labels not in tried or len(effects) == len(model.effects):
-                        self._visit(found, effects, model, self.problem.fit)
+    def _vary(self, found: dict[frozenset[str], Model], varied: set[frozenset[str]]) -> None:
+        """Fit the best models with one effect left out, in a simpler form, or exchanged for another.
 
-    def _trials(self, beam: list[Model], effort: Effort) -> list[tuple[Model, tuple[Placed, ...]]]:
-        """Models to fit, from each of the beam.
-
-        Where numbers have moved far, they may have taken up what an effect does: what the model lacks
-        with its numbers near the file is tried as well.
+        Args:
+            found: models by labels, to which these are added.
+            varied: labels of the models that were varied before, to which these are added.
         """
-        trials: list[tuple[Model, tuple[Placed, ...]]] = []
-        for base in beam:
-            if len(base.effects) >= effort.most:
+        best = sorted(found.values(), key=self.merit, reverse=True)[:VARIED]
+        for model in best:
+            if model.labels in varied or not model.effects:
                 continue
-            trials += self._upon(base, effort)
-            if effort.beam > 1 and self.problem.far(base):
-                trials += self._upon(self.problem.near(base), NEARBY._replace(most=effort.most))
+            varied.add(model.labels)
+            base = Base(self.problem, model)
+            for which in range(len(model.effects)):
+                for effects in self._simpler_forms(model, which):
+                    self._keep(found, self.problem.fit(effects, model, tangent=base.tangent))
+                rest = model.effects[:which] + model.effects[which + 1 :]
+                self._keep(found, self.problem.fit(rest, model))
+                without = found[frozenset(placed.effect.label for placed in rest)]
+                for begin, effects in self._upon(Base(self.problem, without), EXCHANGES):
+                    if frozenset(placed.effect.label for placed in effects) not in found:
+                        self._keep(
+                            found, self.problem.fit(effects, begin.model, tangent=begin.tangent)
+                        )
+
+    def _simpler_forms(self, model: Model, which: int) -> Iterator[tuple[Placed, ...]]:
+        """Yield a model's effects with one of them in a form of fewer parameters."""
+        own = model.effects[which]
+        for form in self.effects:
+            if form.kind == own.effect.kind and len(form.parameters) < len(own.values):
+                probes = self.problem.trial_ship.trials(form, [])
+                for other in itertools.islice(probes, 0, None, 2):
+                    yield other.in_place_of(model.effects, which)
+
+    def _trials(self, beam: list[Model], effort: Effort) -> list[tuple[Base, tuple[Placed, ...]]]:
+        """Return models to fit, from each model of the beam.
+
+        Where parameters have moved far, they may have absorbed an effect: what the model lacks with
+        its parameters near the file is tried as well.
+        """
+        trials: list[tuple[Base, tuple[Placed, ...]]] = []
+        for model in beam:
+            if len(model.effects) >= effort.most:
+                continue
+            trials += self._upon(Base(self.problem, model), effort)
+            if effort.beam > 1 and self.problem.moved_far(model):
+                near = Base(self.problem, self.problem.fit_near_file(model))
+                trials += self._upon(near, NEARBY._replace(most=effort.most))
         return trials
 
-    def _upon(self, base: Model, effort: Effort) -> list[tuple[Model, tuple[Placed, ...]]]:
-        """What a straight line foretells to help a model, and pairs that help together."""
-        trials: list[tuple[Model, tuple[Placed, ...]]] = []
+    def _upon(self, base: Base, effort: Effort) -> list[tuple[Base, tuple[Placed, ...]]]:
+        """Return a model with the effects, and the pairs of effects, that are predicted to help."""
+        trials: list[tuple[Base, tuple[Placed, ...]]] = []
+        own = base.model.effects
         screened, left = self._screen(base)
         kinds: dict[tuple[str, str], int] = {}
         for one in screened:
@@ -246,53 +282,88 @@ class StructureSearch:
                 continue
             kinds[one.effect.kind] = forms + 1
             for _, placed in one.starts[: effort.starts]:
-                trials.append((base, (*base.effects, placed)))
-        if len(base.effects) + 2 <= effort.most:
+                trials.append((base, (*own, placed)))
+        if len(own) + 2 <= effort.most:
             for pair in _pairs(screened[:PAIRED], left)[: effort.pairs]:
-                trials.append((base, (*base.effects, *pair)))
+                trials.append((base, (*own, *pair)))
         return trials
 
-    def _screen(self, base: Model) -> tuple[list[Screened], Floats]:
-        """Effects that a model lacks, best first, and what it leaves beside all that gives way."""
-        problem = self.problem
-        scaled = problem.scaled(base.error)
-        flat = (base.columns * scaled).reshape(len(base.columns), -1)
-        whole = np.hstack([flat, np.diag(np.sqrt(base.precision))])
-        basis = np.linalg.qr(whole.T)[0]
-        zeros = np.zeros(len(base.columns))
+    def _screen(self, base: Base) -> tuple[list[Screened], Floats]:
+        """Return the effects that a model lacks, the best first, and its residual, both projected."""
+        problem, model = self.problem, base.model
+        left = base.project(base.white)
+        here, _ = problem.channels(model.effects, model.shifts, model.nuisance)
+        taken = {placed.effect.kind for placed in model.effects}
+        trials = [
+            placed
+            for effect in self.effects
+            if effect.kind not in taken
+            for placed in problem.trial_ship.trials(effect, [])
+        ]
 
-        def beside(column: Floats) -> Floats:
-            long = np.concatenate([(column * scaled).ravel(), zeros])
-            return np.asarray(long - basis @ (basis.T @ long))
+        def change(placed: Placed) -> Floats:
+            there, _ = problem.channels((*model.effects, placed), model.shifts, model.nuisance)
+            return base.project(problem.white((there - here)[:, problem.rows]))
 
-        left = beside(base.error)
-        rows = problem.rows
-        here, _ = problem.channels(base.effects, base.numbers, base.nuisance)
-        taken = {placed.effect.kind for placed in base.effects}
-        found = []
-        for effect in self.effects:
-            if effect.kind in taken:
+        starts: dict[str, list[tuple[float, Placed]]] = {}
+        best: dict[str, tuple[float, Floats]] = {}
+        for placed, moved in zip(trials, at_once(change, trials), strict=True):
+            power = float(moved @ moved)
+            if not math.isfinite(power) or power < 1e-12:
                 continue
-            starts: list[tuple[float, Placed]] = []
-            best: tuple[float, Floats] = (-math.inf, left)
-            for placed in problem.trial_ship.trials(effect, []):
-                there, _ = problem.channels((*base.effects, placed), base.numbers, base.nuisance)
-                if not np.isfinite(there).all():
-                    continue
-                moved = beside((there - here)[:, rows])
-                power = float(moved @ moved)
-                if power < 1e-12:
-                    continue
-                along = float(left @ moved)
-                foretold = along**2 / power if along > 0.0 else 0.0
-                gain = max(foretold, 2.0 * along - power)
-                starts.append((gain, placed))
-                if gain > best[0]:
-                    best = (gain, moved)
-            starts.sort(key=lambda start: -start[0])
-            if starts and starts[0][0] > IDLE:
-                found.append(Screened(effect, tuple(starts), best[1]))
+            along, label = float(left @ moved), placed.effect.label
+            predicted = along**2 / power if along > 0.0 else 0.0
+            gain = max(predicted, 2.0 * along - power)
+            starts.setdefault(label, []).append((gain, placed))
+            if label not in best or gain > best[label][0]:
+                best[label] = (gain, moved)
+        found = []
+        for label, tried in starts.items():
+            tried.sort(key=lambda start: -start[0])
+            if tried[0][0] > IDLE:
+                found.append(Screened(tried[0][1].effect, tuple(tried), best[label][1]))
         return sorted(found, key=lambda one: -one.gain), left
+
+
+class Base:
+    """A fitted model with its derivatives, on which effects are tried.
+
+    Args:
+        problem: fits ships to the recordings.
+        model: fitted.
+
+    Attributes:
+        tangent: derivatives by parameters and nuisance values, as :meth:`OutputError.fit` takes them.
+        white: whitened residual, shape (channels, values).
+    """
+
+    def __init__(self, problem: OutputError, model: Model) -> None:
+        self.model = model
+        columns, search = problem.derivatives(model)
+        self.tangent = columns[: search.edge]
+        self.white = problem.white(problem.residual(model))
+        self._scale = problem.scale(self.white)[:, None]
+        flat = (columns * self._scale).reshape(len(columns), -1)
+        precision = search.precision(search.start, False)
+        whole = np.hstack([flat, np.diag(np.sqrt(precision))])
+        self._basis = np.linalg.qr(whole.T)[0]
+
+    def project(self, white: Floats) -> Floats:
+        """Return whitened channels, scaled to variance 1, without what the free values can take up.
+
+        Args:
+            white: shape (channels, values).
+
+        Returns:
+            Shape (channels x values + free values,).
+        """
+        flat = (white * self._scale).ravel()
+        long = np.concatenate([flat, np.zeros(self._basis.shape[1])])
+        return np.asarray(long - self._basis @ (self._basis.T @ long))
+
+
+def _score(model: Model) -> float:
+    return model.score
 
 
 def _pairs(screened: list[Screened], left: Floats) -> list[tuple[Placed, Placed]]:
