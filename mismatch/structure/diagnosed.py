@@ -34,10 +34,10 @@ from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, choose, total
-from .priors import Prior
 from .model import Floats, Model
 from .naming import named
 from .output_error import OutputError
+from .priors import Prior
 from .search import StructureSearch
 
 OF_NOISE = 2.0
@@ -89,16 +89,16 @@ def diagnose_structure(
     rival = OutputError(Balances(corrected), segments, setting.held, 0.0)
     residual = rival.held_residual(rival.file_model())
     noise = np.array([replay.noise_rms[c] for c in problem.names])
-    if np.all(rival.rms(residual) <= OF_NOISE * noise):
+    if np.all(rival.likelihood.rms(residual) <= OF_NOISE * noise):
         return None
     search = StructureSearch(problem, effects, tick, most)
     quick = [problem.held_error(model) for model in search.quick_pass()]
-    if min(total(error, rival.rms(residual)) for error in quick) > CLOSER:
+    if min(total(error, rival.likelihood.rms(residual)) for error in quick) > CLOSER:
         return None
     ranked = search.search()
     nothing = problem.held_error(problem.file_model())
     best, alike = choose(ranked, nothing)
-    if total(best.compared, rival.rms(residual, search.limit)) > CLOSER:
+    if total(best.compared, rival.likelihood.rms(residual, search.limit)) > CLOSER:
         return None
     found = _diagnosed(first.ship, problem, search, ranked, best, alike, setting, together)
     return None if found.verdict == UNEXPLAINED else found

@@ -11,8 +11,8 @@ import math
 from dataclasses import replace
 
 from ..search.selection import TELL_APART
-from .priors import Prior
 from .model import Model
+from .priors import Prior
 from .search import StructureSearch
 
 PLAUSIBLE = math.log(1.5)

@@ -69,7 +69,7 @@ class NoiseModel:
         spectrum = moments(bands, transformed, transformed)
         count = np.add.reduceat(bands.weights, bands.edges[:-1])
         spectrum = spectrum / count[:, None, None] + np.diag(floor**2)
-        self._roots = np.linalg.inv(np.linalg.cholesky(spectrum))
+        self._roots: Complex = np.linalg.inv(np.linalg.cholesky(spectrum)).astype(np.complex128)
         self._share = count / count.sum()
         self._centres = np.array(
             [bands.frequency_Hz[a:b].mean() for a, b in itertools.pairwise(bands.edges)]

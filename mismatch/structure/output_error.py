@@ -19,7 +19,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..search.placed import Placed
 from ..search.trial_ship import TrialShip
@@ -27,8 +26,8 @@ from ..simulate.at_once import at_once
 from ..simulate.balances import Balances
 from ..simulate.tolerances import START
 from .coordinates import FIXED, Coordinates
+from .likelihood import Likelihood
 from .model import Floats, Model
-from .noise_model import NoiseModel, Whitener, row_weights
 from .priors import Prior, parameter_priors
 
 Segments = Sequence[tuple[int, int]]
@@ -87,9 +86,6 @@ class OutputError:
         self.rows, self.held_rows = (
             np.concatenate([np.arange(a, b) for a, b in segments]) for segments in (fitted, held)
         )
-        self._lengths, self._held_lengths = (
-            [b - a for a, b in segments] for segments in (fitted, held)
-        )
         self.simulations = 0
         ship = self.replay.ship
         shaft = max(abs(self.replay.start[1]), 1.0)
@@ -100,13 +96,12 @@ class OutputError:
         ]
         self.starts = np.tile(start, len(self.replay.runs))
         self._measured = np.array([self.replay.recorded[c] for c in self.names])
-        self._floor = np.array([LEAST_NOISE * self.replay.noise_rms[c] for c in self.names])
-        self._floor += 1e-9 * np.abs(self._measured).max(axis=1) + 1e-300
-        self._highest_Hz = highest_Hz
-        self.weights = np.ones((len(self.names), len(self.rows)))
-        self._whitener: Whitener | None = None
-        self._held_whitener: Whitener | None = None
-        self._least = self._floor  # of what is compared, whitened or raw
+        floor = np.array([LEAST_NOISE * self.replay.noise_rms[c] for c in self.names])
+        floor += 1e-9 * np.abs(self._measured).max(axis=1) + 1e-300
+        fitted_lengths, held_lengths = ([b - a for a, b in s] for s in (fitted, held))
+        self.likelihood = Likelihood(
+            floor, fitted_lengths, held_lengths, self.replay.interval_s, highest_Hz
+        )
 
     def record(self, effects: tuple[Placed, ...], shifts: Floats) -> Any:
         """Return the ship's record with shifted parameters and effects, which have the last word."""
@@ -157,33 +152,8 @@ class OutputError:
         return np.asarray((self._measured - self.simulate(model))[:, self.held_rows])
 
     def held_error(self, model: Model) -> Floats:
-        """Return the rms residual of a model on the held-out rows, as :meth:`rms`."""
-        return self.rms(self.held_residual(model))
-
-    def rms(self, residual: Floats, limit: Floats | None = None) -> Floats:
-        """Return the rms of a residual by channel, no less than half the channel's noise.
-
-        Args:
-            residual: shape (channels, rows).
-            limit: size by channel at which each row is clipped; no clipping by default.
-        """
-        if not np.isfinite(residual).all():
-            return np.full(len(self.names), math.inf)
-        if limit is not None:
-            residual = np.minimum(np.abs(residual), limit[:, None])
-        return np.asarray(np.hypot(np.sqrt(np.mean(residual**2, axis=1)), self._floor))
-
-    def held_score(self, residual: Floats, limit: Floats) -> float:
-        """Return 2 log L of a residual on the held-out rows, whitened by the noise model.
-
-        Args:
-            residual: shape (channels, rows).
-            limit: size by channel at which each row is clipped.
-        """
-        if not np.isfinite(residual).all():
-            return -math.inf
-        clipped = np.clip(residual, -limit[:, None], limit[:, None])
-        return self._log_likelihood(self._whiten(self._held_whitener, clipped), self._held_whitener)
+        """Return the rms residual of a model on the held-out rows by channel."""
+        return self.likelihood.rms(self.held_residual(model))
 
     def _with_first_states(self, model: Model) -> Floats:
         """Return a model's nuisance values with the first states of the recordings not fitted.
@@ -216,48 +186,9 @@ class OutputError:
         nuisance = np.zeros(len(self.starts) + len(self.names))
         return Model((), np.zeros(len(self.priors)), nuisance, -math.inf)
 
-    def set_noise_model(self, model: Model) -> None:
-        """Take outliers and the noise's spectrum from the residual of the richest model."""
-        residual = self.residual(model)
-        self.weights = row_weights(residual, self._floor)
-        noise = NoiseModel(
-            residual * np.sqrt(self.weights), self._floor, self._lengths, self.replay.interval_s,
-            self._highest_Hz,
-        )  # fmt: skip
-        self._whitener = noise.whitener(self._lengths)
-        self._held_whitener = noise.whitener(self._held_lengths)
-        self._least = noise.least(self._floor)
-
-    def white(self, residual: Floats) -> Floats:
-        """Return residuals on the fitted rows as they are compared, outliers with less weight.
-
-        Args:
-            residual: shape (..., channels, rows).
-        """
-        return self._whiten(self._whitener, residual * np.sqrt(self.weights))
-
-    @staticmethod
-    def _whiten(whitener: Whitener | None, residual: Floats) -> Floats:
-        return residual if whitener is None else whitener(residual)
-
-    def _count(self, whitener: Whitener | None, white: Floats) -> float:
-        """Return the number of independent values in each channel."""
-        return float(white.shape[-1]) if whitener is None else whitener.count
-
-    def _power(self, white: Floats, whitener: Whitener | None) -> Floats:
-        """Return the mean square of whitened residuals by channel."""
-        mean = np.sum(white**2, axis=-1) / self._count(whitener, white)
-        return np.asarray(mean + self._least**2)
-
-    def _log_likelihood(self, white: Floats, whitener: Whitener | None) -> float:
-        power = self._power(white, whitener)
-        return -self._count(whitener, white) * float(np.sum(np.log(power)))
-
     def score(self, white: Floats, shifts: Floats, nuisance: Floats, guessed: bool = False) -> float:
         """Return 2 log L of whitened residuals on the fitted rows, with the priors."""
-        if not np.isfinite(white).all():
-            return -math.inf
-        found = self._log_likelihood(white, self._whitener)
+        found = self.likelihood.fitted(white)
         found -= sum(
             prior.penalty(float(x), guessed)
             for prior, x in zip(self.priors, shifts, strict=True)
@@ -269,10 +200,6 @@ class OutputError:
         starts = np.where(self.starts > 0.0, START_PRECISION, FIXED)
         skew = SKEW_ROWS / self.replay.every
         return np.concatenate([starts, np.full(len(self.names), skew**-2.0)])
-
-    def scale(self, white: Floats) -> Floats:
-        """Return the factors by channel that give whitened residuals the variance 1."""
-        return np.asarray(1.0 / np.sqrt(self._power(white, self._whitener)))
 
     def fit_near_file(self, model: Model, which: Collection[int] | None = None) -> Model:
         """Fit a model with parameters held within the file's tolerances.
@@ -330,7 +257,7 @@ class OutputError:
         search = Coordinates(self, effects, begin)
         point = search.start
         values, slopes = self.channels(*search.split(point))
-        white = self.white((self._measured - values)[:, self.rows])
+        white = self.likelihood.white((self._measured - values)[:, self.rows])
         score = self.score(white, begin.shifts, begin.nuisance, guessed)
         damping = 0.0
         for _ in range(MOST_STEPS):
@@ -344,7 +271,7 @@ class OutputError:
                 kept[search.clocks :] = tangent[search.clocks :]
                 columns = np.concatenate([kept, own])
             precision = search.precision(point, guessed)
-            scale = self.scale(white)[:, None]
+            scale = self.likelihood.scale(white)
             flat = (columns * scale).reshape(len(columns), -1)
             lhs = flat @ flat.T + np.diag(precision)
             rhs = flat @ (white * scale).ravel() - precision * point
@@ -353,7 +280,7 @@ class OutputError:
                 trial = search.stepped(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
                 moved = search.split(trial)
                 found = self.channels(*moved)
-                wrong = self.white((self._measured - found[0])[:, self.rows])
+                wrong = self.likelihood.white((self._measured - found[0])[:, self.rows])
                 gained = self.score(wrong, moved[1], moved[2], guessed) - score
                 if gained > 0.0:
                     better = (trial, found, wrong)
@@ -402,22 +329,18 @@ class OutputError:
                     there = self.channels_of_run(run, *search.split(inside))
                     column[:, own] = (there - here) / change
             column = column[:, self.rows]
-            return self.white(column if np.isfinite(column).all() else np.zeros_like(column))
+            return self.likelihood.white(column if np.isfinite(column).all() else np.zeros_like(column))
 
         moving = [k for k in range(first, len(point)) if search.steps[k] > 0.0]
-        found = np.zeros((len(point) - first, *self._white_shape()))
+        found = np.zeros((len(point) - first, *self.likelihood.shape))
         for k, column in zip(moving, at_once(derivative, moving), strict=True):
             found[k - first] = column
         if first <= search.clocks:
             for c in range(len(self.names)):  # a clock's shift moves its own channel by its rate
                 alone = np.zeros((len(self.names), len(self.rows)))
                 alone[c] = slopes[c, self.rows]
-                found[search.clocks + c - first] = self.white(alone)
+                found[search.clocks + c - first] = self.likelihood.white(alone)
         return found
-
-    def _white_shape(self) -> tuple[int, int]:
-        rows = len(self.rows) if self._whitener is None else self._whitener.values
-        return len(self.names), rows
 
     def standard_errors(self, model: Model) -> Floats:
         """Return the standard error of each shift, nuisance value and value of an effect.
@@ -426,7 +349,7 @@ class OutputError:
         (free values,), in the values' units.
         """
         columns, search = self.derivatives(model)
-        scale = self.scale(self.white(self.residual(model)))[:, None]
+        scale = self.likelihood.scale(self.likelihood.white(self.residual(model)))
         flat = (columns * scale).reshape(len(columns), -1)
         information = flat @ flat.T + np.diag(search.precision(search.start, False))
         variances = np.maximum(np.diag(np.linalg.pinv(information)), 0.0)

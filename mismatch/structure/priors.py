@@ -22,7 +22,7 @@ WRONG = 0.01
 """Probability that a parameter lies outside what its tolerance says."""
 
 WIDE = 0.7
-"""Standard deviation of the logarithm of such a parameter: one in three is off by more than a factor 2."""
+"""Standard deviation of the logarithm of such a parameter: one in three is off by a factor 2 or more."""
 
 WIDE_SHIFT = 30.0
 """The same of a parameter whose tolerance is a difference and no ratio, in units of that tolerance."""
@@ -105,7 +105,7 @@ def parameter_priors(replay: JointReplay, tolerance: float = 1.0) -> list[Prior]
 
 
 def _of_tolerances(replay: JointReplay, tolerance: float) -> Iterator[Prior]:
-    """Yield the prior of each parameter that a tolerance moves; of several moved together, each alone."""
+    """Yield the prior of each parameter that a tolerance moves, one by one."""
     ship = replay.ship
     spread: dict[str, float] = {}
     for moved in tolerance_moves(replay, tolerance):

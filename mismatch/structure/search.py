@@ -121,7 +121,7 @@ class StructureSearch:
         quick = self.quick_pass()
         richest = max(quick, key=_score)
         self.limit = OUTLIER * deviations(self.problem.residual(richest))
-        self.problem.set_noise_model(richest)
+        self.problem.likelihood.set_noise(self.problem.residual(richest))
         self.pool = self._pass(
             THOROUGH._replace(most=self._most), "searching physics and parameters together"
         )
@@ -137,9 +137,9 @@ class StructureSearch:
                 Ranked(
                     model,
                     self.merit(model),
-                    self.problem.rms(residual),
-                    self.problem.rms(residual, self.limit),
-                    self.problem.held_score(residual, self.limit),
+                    self.problem.likelihood.rms(residual),
+                    self.problem.likelihood.rms(residual, self.limit),
+                    self.problem.likelihood.held(residual, self.limit),
                     place,
                 )
             )
@@ -303,7 +303,7 @@ class StructureSearch:
 
         def change(placed: Placed) -> Floats:
             there, _ = problem.channels((*model.effects, placed), model.shifts, model.nuisance)
-            return base.project(problem.white((there - here)[:, problem.rows]))
+            return base.project(problem.likelihood.white((there - here)[:, problem.rows]))
 
         starts: dict[str, list[tuple[float, Placed]]] = {}
         best: dict[str, tuple[float, Floats]] = {}
@@ -341,8 +341,8 @@ class Base:
         self.model = model
         columns, search = problem.derivatives(model)
         self.tangent = columns[: search.edge]
-        self.white = problem.white(problem.residual(model))
-        self._scale = problem.scale(self.white)[:, None]
+        self.white = problem.likelihood.white(problem.residual(model))
+        self._scale = problem.likelihood.scale(self.white)
         flat = (columns * self._scale).reshape(len(columns), -1)
         precision = search.precision(search.start, False)
         whole = np.hstack([flat, np.diag(np.sqrt(precision))])
