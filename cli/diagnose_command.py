@@ -102,8 +102,8 @@ def diagnose(
         bool,
         typer.Option(
             "--quick",
-            help="Leave out the second search, which estimates effects and ship-file parameters together "
-            "where the first one leaves a residual, and takes up to two minutes.",
+            help="Leave out the second search, which estimates effects and ship-file parameters "
+            "together where the first one leaves a residual, and takes up to two minutes.",
         ),
     ] = False,
     jobs: Annotated[

@@ -53,7 +53,7 @@ from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
 from .setting import Settings
-from .structure.diagnosed import diagnose_structure
+from .structure.diagnose import diagnose_structure
 
 ANOTHER_PERIOD = "calibrate on another period than is diagnosed"
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..judge.findings import FORM_SHARE
 from .model import Floats, Model
 
 TIED = 10.0
@@ -15,10 +16,6 @@ decides which of them is reported first."""
 
 FINALISTS = 24
 """Models that are compared, the best first."""
-
-FORM_ERROR = 0.2
-"""Error of an effect's form as a share of its size. What it leaves, this squared times the gain of the
-effects, is no evidence of a further effect."""
 
 VETO = 1.5
 """Times the least held-out rms error from which on a model is not chosen, however likely it is."""
@@ -56,16 +53,17 @@ class Ranked:
 def _pays(one: Ranked, ranked: list[Ranked]) -> bool:
     """Return whether all effects of a model pay: no part of them is nearly as good as the whole.
 
-    A part is a model with some of the effects, or with the same ones in forms of fewer values. What the
-    forms of its effects may have wrong is not held against it.
+    A part is a model with some of the effects, or with the same ones in forms of fewer values. What its
+    effects leave because their forms are approximations, :data:`FORM_SHARE` squared of what they gain,
+    is no evidence of a further effect.
     """
-    plain = min((o for o in ranked if not o.model.effects), key=lambda o: o.merit, default=None)
+    plain = min((o for o in ranked if not o.model.labels), key=lambda o: o.merit, default=None)
     for other in ranked:
         part = other.model.labels < one.model.labels
         simpler = other.model.kinds == one.model.kinds and other.model.size < one.model.size
         if part or simpler:
             gained = other.evidence - plain.evidence if plain is not None else 0.0
-            if one.evidence <= other.evidence + FORM_ERROR**2 * max(gained, 0.0):
+            if one.evidence <= other.evidence + FORM_SHARE**2 * max(gained, 0.0):
                 return False
     return True
 

@@ -45,11 +45,8 @@ FIRST_ROWS = 100
 FAR_TOLERANCES = 3.0
 """Tolerances beyond which a parameter has moved far from the ship file."""
 
-MOST_STEPS = 14
-"""Gauss-Newton steps of a fit, at most."""
-
-SETTLED = 0.02
-"""Gain in 2 log L of a step below which a fit ends."""
+MOST_STEPS, SETTLED = 14, 0.02
+"""Gauss-Newton steps of a fit, at most; and the gain in 2 log L of a step below which it ends."""
 
 LEAST_NOISE = 0.5
 """Times a channel's white noise that a model's residual counts at least."""
@@ -116,14 +113,13 @@ class OutputError:
     ) -> tuple[Floats, Floats]:
         """Return simulated channels on all rows and their rate by row, each shape (channels, rows)."""
         self.simulations += 1
-        count = len(self.starts)
         found = self.replay.channels_of(self.record(effects, shifts), each=self._first(nuisance))
         values = np.array([found[c] for c in self.names])
         slopes = np.zeros_like(values)
         for a, b in self.replay.segments:
             if b - a > 1:
                 slopes[:, a:b] = np.gradient(values[:, a:b], axis=1)
-        return values + nuisance[count:, None] * slopes, slopes
+        return values + nuisance[len(self.starts) :, None] * slopes, slopes
 
     def _first(self, nuisance: Floats) -> list[tuple[float, ...]]:
         """Return the shift of each recording's first state, in the states' units."""
@@ -188,12 +184,10 @@ class OutputError:
 
     def score(self, white: Floats, shifts: Floats, nuisance: Floats, guessed: bool = False) -> float:
         """Return 2 log L of whitened residuals on the fitted rows, with the priors."""
-        found = self.likelihood.fitted(white)
-        found -= sum(
-            prior.penalty(float(x), guessed)
-            for prior, x in zip(self.priors, shifts, strict=True)
-        )
-        return found - float(np.sum(self.nuisance_precision() * nuisance**2))
+        pairs = zip(self.priors, shifts, strict=True)
+        cost = sum(prior.penalty(float(shift), guessed) for prior, shift in pairs)
+        cost += float(np.sum(self.nuisance_precision() * nuisance**2))
+        return self.likelihood.fitted(white) - cost
 
     def nuisance_precision(self) -> Floats:
         """Return the precision of each nuisance value's prior; :data:`FIXED` of one that cannot move."""

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -22,11 +21,11 @@ from ..progress import Tick, silent
 from ..search.effect import Effect
 from ..search.placed import Placed
 from ..search.selection import threshold
-from ..simulate.at_once import at_once
 from .choice import Ranked
-from .model import Floats, Model
+from .model import Model
 from .noise_model import OUTLIER, deviations
 from .output_error import OutputError
+from .screening import Base, Screened
 
 
 class Effort(NamedTuple):
@@ -50,12 +49,6 @@ EXCHANGES = Effort(kinds=4, starts=1, pairs=0, beam=1, most=3)
 VARIED = 3
 """Models of a round, the best first, whose effects are left out, simplified or exchanged."""
 
-PAIRED = 14
-"""Effects of a screen, the best first, of which pairs are looked at."""
-
-IDLE = 0.5
-"""Gain in 2 log L foretold below which an effect is not tried."""
-
 FITTED = 6
 """Models of a round, the best first, that are fitted with their own derivatives."""
 
@@ -66,25 +59,6 @@ FROM_FAR = 3
 """Models of a round, the best first, that are fitted from parameters far from the file as well."""
 
 
-@dataclass(frozen=True)
-class Screened:
-    """An effect as a linearisation predicts it on a model.
-
-    Args:
-        starts: its best probes, with the predicted gain of each in 2 log L, the best first.
-        moved: change of the whitened channels by the best one, orthogonal to everything that is free.
-    """
-
-    effect: Effect
-    starts: tuple[tuple[float, Placed], ...]
-    moved: Floats
-
-    @property
-    def gain(self) -> float:
-        """Foretold, of the best start."""
-        return self.starts[0][0]
-
-
 class StructureSearch:
     """Searches effects and parameters together.
 
@@ -93,7 +67,7 @@ class StructureSearch:
         effects: candidates; those that act for a time only are left out.
         tick: called with the stage, how much is done, and how much there is.
         most: effects of a model, at most.
-        suggested: models that are fitted and ranked beside those that the search finds.
+        suggested: effects of a model that is fitted and ranked beside those that the search finds.
 
     Attributes:
         limit: residual by channel at which held-out rows are clipped, in the channels' units.
@@ -105,7 +79,7 @@ class StructureSearch:
         effects: list[Effect],
         tick: Tick = silent,
         most: int | None = None,
-        suggested: Sequence[tuple[Placed, ...]] = (),
+        suggested: tuple[Placed, ...] = (),
     ) -> None:
         self._most = THOROUGH.most if most is None else most
         self.problem = problem
@@ -154,7 +128,7 @@ class StructureSearch:
 
     def screen(self, base: Model) -> list[Screened]:
         """Return the effects that a model lacks by their predicted gain, the best first."""
-        return self._screen(Base(self.problem, base))[0]
+        return Base(self.problem, base).screen(self.effects)
 
     def threshold(self, effect: Effect) -> float:
         """Gain in 2 log L that an effect must bring for itself."""
@@ -177,9 +151,8 @@ class StructureSearch:
         if not guessed:
             first = problem.fit_from_far(first)
         found = {first.labels: first}
-        if not guessed:
-            for effects in self._suggested:
-                self._keep(found, problem.fit(effects, first))
+        if not guessed and self._suggested:
+            self._keep(found, problem.fit(self._suggested, first))
         beam, whole, far = [first], {first.labels}, {first.labels}
         varied: set[frozenset[str]] = set()
         for depth in range(effort.most):
@@ -274,7 +247,7 @@ class StructureSearch:
         """Return a model with the effects, and the pairs of effects, that are predicted to help."""
         trials: list[tuple[Base, tuple[Placed, ...]]] = []
         own = base.model.effects
-        screened, left = self._screen(base)
+        screened = base.screen(self.effects)
         kinds: dict[tuple[str, str], int] = {}
         for one in screened:
             forms = kinds.get(one.effect.kind, 0)
@@ -284,98 +257,10 @@ class StructureSearch:
             for _, placed in one.starts[: effort.starts]:
                 trials.append((base, (*own, placed)))
         if len(own) + 2 <= effort.most:
-            for pair in _pairs(screened[:PAIRED], left)[: effort.pairs]:
+            for pair in base.pairs(screened)[: effort.pairs]:
                 trials.append((base, (*own, *pair)))
         return trials
-
-    def _screen(self, base: Base) -> tuple[list[Screened], Floats]:
-        """Return the effects that a model lacks, the best first, and its residual, both projected."""
-        problem, model = self.problem, base.model
-        left = base.project(base.white)
-        here, _ = problem.channels(model.effects, model.shifts, model.nuisance)
-        taken = {placed.effect.kind for placed in model.effects}
-        trials = [
-            placed
-            for effect in self.effects
-            if effect.kind not in taken
-            for placed in problem.trial_ship.trials(effect, [])
-        ]
-
-        def change(placed: Placed) -> Floats:
-            there, _ = problem.channels((*model.effects, placed), model.shifts, model.nuisance)
-            return base.project(problem.likelihood.white((there - here)[:, problem.rows]))
-
-        starts: dict[str, list[tuple[float, Placed]]] = {}
-        best: dict[str, tuple[float, Floats]] = {}
-        for placed, moved in zip(trials, at_once(change, trials), strict=True):
-            power = float(moved @ moved)
-            if not math.isfinite(power) or power < 1e-12:
-                continue
-            along, label = float(left @ moved), placed.effect.label
-            predicted = along**2 / power if along > 0.0 else 0.0
-            gain = max(predicted, 2.0 * along - power)
-            starts.setdefault(label, []).append((gain, placed))
-            if label not in best or gain > best[label][0]:
-                best[label] = (gain, moved)
-        found = []
-        for label, tried in starts.items():
-            tried.sort(key=lambda start: -start[0])
-            if tried[0][0] > IDLE:
-                found.append(Screened(tried[0][1].effect, tuple(tried), best[label][1]))
-        return sorted(found, key=lambda one: -one.gain), left
-
-
-class Base:
-    """A fitted model with its derivatives, on which effects are tried.
-
-    Args:
-        problem: fits ships to the recordings.
-        model: fitted.
-
-    Attributes:
-        tangent: derivatives by parameters and nuisance values, as :meth:`OutputError.fit` takes them.
-        white: whitened residual, shape (channels, values).
-    """
-
-    def __init__(self, problem: OutputError, model: Model) -> None:
-        self.model = model
-        columns, search = problem.derivatives(model)
-        self.tangent = columns[: search.edge]
-        self.white = problem.likelihood.white(problem.residual(model))
-        self._scale = problem.likelihood.scale(self.white)
-        flat = (columns * self._scale).reshape(len(columns), -1)
-        precision = search.precision(search.start, False)
-        whole = np.hstack([flat, np.diag(np.sqrt(precision))])
-        self._basis = np.linalg.qr(whole.T)[0]
-
-    def project(self, white: Floats) -> Floats:
-        """Return whitened channels, scaled to variance 1, without what the free values can take up.
-
-        Args:
-            white: shape (channels, values).
-
-        Returns:
-            Shape (channels x values + free values,).
-        """
-        flat = (white * self._scale).ravel()
-        long = np.concatenate([flat, np.zeros(self._basis.shape[1])])
-        return np.asarray(long - self._basis @ (self._basis.T @ long))
 
 
 def _score(model: Model) -> float:
     return model.score
-
-
-def _pairs(screened: list[Screened], left: Floats) -> list[tuple[Placed, Placed]]:
-    """Pairs of effects that are foretold to help most beyond the better of the two."""
-    ranked = []
-    for one, other in itertools.combinations(screened, 2):
-        if one.effect.kind == other.effect.kind:
-            continue
-        both = np.array([one.moved, other.moved])
-        lhs, rhs = both @ both.T, both @ left
-        size = np.linalg.lstsq(lhs, rhs, rcond=1e-9)[0]
-        if np.all(size > 0.0):
-            ranked.append((float(size @ rhs), one.starts[0][1], other.starts[0][1]))
-    ranked.sort(key=lambda pair: -pair[0])
-    return [(one, other) for _, one, other in ranked]

@@ -36,7 +36,7 @@ def test_the_generator_s_open_armature_friction_and_lag_are_found_together() -> 
         given.ship,
         *given.fitted,
         hold_out=given.unseen,
-        options=Options(joint=True, exclude=others),
+        options=Options(exclude=others),
     )
     ids = {f.effect.id: {c.effect.id for c in f.rivals} | {f.effect.id} for f in found.findings}
     assert len(ids) == 3

@@ -64,11 +64,11 @@ def run(values: dict[str, Any] | None = None, seed: int = 0, noise: float = 0.3)
     )
 
 
-def problem(ship: Ship, *tables: pd.DataFrame, held: int = 1) -> tuple[OutputError, Any]:
-    """The fitted rows of some recordings, and those of the last ones, which are set aside."""
+def problem(ship: Ship, *tables: pd.DataFrame, held: int = 1) -> OutputError:
+    """Return a fit of some recordings, the last of which are held out."""
     balances = Balances(JointReplay(ship, *tables))
     fitted, aside = set_aside(balances.replay, held)[0]
-    return OutputError(balances, fitted), np.concatenate([np.arange(a, b) for a, b in aside])
+    return OutputError(balances, fitted, aside)
 
 
 def effects(ship: Ship, *ids: str) -> list[Effect]:
@@ -78,7 +78,6 @@ def effects(ship: Ship, *ids: str) -> list[Effect]:
 
 
 def searched(ship: Ship, *tables: pd.DataFrame, ids: tuple[str, ...] = ()) -> Any:
-    """A search over recordings of which the last is set aside, run; and its ranking."""
-    own, rows = problem(ship, *tables)
-    search = StructureSearch(own, effects(ship, *ids), rows)
+    """Return a search over recordings of which the last is held out, and its ranking."""
+    search = StructureSearch(problem(ship, *tables), effects(ship, *ids))
     return search, search.search()

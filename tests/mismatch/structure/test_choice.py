@@ -2,62 +2,79 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 
-from shaftline.mismatch.structure.choice import Ranked, chosen, total
+from shaftline.mismatch.judge.findings import FORM_SHARE
+from shaftline.mismatch.structure.choice import Ranked, choose, total
 from shaftline.mismatch.structure.model import Model
 
-
-def _ranked(labels: str, *held: float, merit: float = 0.0) -> Ranked:
-    """A model whose effects are letters, of one value each."""
-    model = SimpleNamespace(labels=frozenset(labels), size=len(labels))
-    errors = np.array(held)
-    return Ranked(cast(Model, model), merit, errors, errors)
+BEFORE = np.array([10.0])
 
 
-def test_the_simplest_within_five_percent_of_the_best_is_chosen() -> None:
-    large, small, poor = _ranked("abc", 1.0, merit=9.0), _ranked("d", 1.04), _ranked("", 1.3)
-    best, alike = chosen([large, small, poor], np.array([10.0]))
-    assert best is small
-    assert alike == []
-    twin = _ranked("e", 1.02)
-    best, alike = chosen([large, small, twin, poor], np.array([10.0]))
-    assert (best, alike) == (small, [twin])
+def _ranked(labels: str, held: float | tuple[float, ...], merit: float = 0.0, place: int = 0) -> Ranked:
+    """Return a model whose effects are letters, of one value each; a capital is a form of two."""
+    model = SimpleNamespace(
+        labels=frozenset(labels),
+        kinds=frozenset(labels.lower()),
+        size=sum(1 + letter.isupper() for letter in labels),
+    )
+    errors = np.atleast_1d(np.array(held, np.float64))
+    return Ranked(cast(Model, model), merit, errors, errors, 0.0, place)
 
 
-def test_what_the_fitted_data_prefer_and_the_others_do_not_stays_open() -> None:
-    other, preferred = _ranked("a", 1.0), _ranked("b", 1.15, merit=20.0)
-    best, alike = chosen([preferred, other], np.array([10.0]))
-    assert (best, alike) == (preferred, [other])
-    worse_in_both = _ranked("b", 1.15, merit=-11.0)
-    assert chosen([other, worse_in_both], np.array([10.0])) == (other, [])
-    hardly_worse = _ranked("b", 1.15, merit=-9.0)
-    assert chosen([other, hardly_worse], np.array([10.0])) == (other, [hardly_worse])
-    assert chosen([other, _ranked("b", 1.25, merit=20.0)], np.array([10.0])) == (other, [])
+def test_the_likeliest_model_is_chosen_on_fitted_and_held_out_data_together() -> None:
+    plain, one, other = _ranked("", 3.0, -500.0), _ranked("a", 1.0), _ranked("b", 1.1, -30.0)
+    assert choose([one, other, plain], BEFORE) == (one, [])
+    held = replace(other, likelihood=45.0)
+    assert choose([one, held, plain], BEFORE) == (held, [])
 
 
-def test_a_model_that_follows_a_channel_worse_than_the_file_is_left_out() -> None:
-    better_in_one, honest = _ranked("a", 0.1, 3.0), _ranked("b", 0.9, 0.9)
-    assert chosen([better_in_one, honest], np.array([1.0, 1.0]))[0] is honest
+def test_of_equals_the_first_in_the_catalogue_is_reported_and_the_other_beside_it() -> None:
+    plain = _ranked("", 3.0, -500.0)
+    one, other = _ranked("a", 1.0, 9.0, place=5), _ranked("b", 1.0, 0.0, place=3)
+    assert choose([one, other, plain], BEFORE) == (other, [one])
+    assert choose([replace(one, merit=11.0), other, plain], BEFORE)[0].place == 5
 
 
-def test_every_channel_has_to_come_near_the_best() -> None:
-    """In waves three channels are noise whatever the model; the fourth tells."""
-    told, plain = _ranked("a", 1.0, 1.0, 1.0, 1.0, merit=9.0), _ranked("", 1.0, 1.0, 1.0, 1.12)
-    assert chosen([told, plain], np.full(4, 2.0))[0] is told
-    assert chosen([told, _ranked("", 1.04, 1.04, 1.04, 1.04)], np.full(4, 2.0))[0].model.size == 0
+def test_what_the_form_of_an_effect_has_wrong_is_no_evidence_of_a_further_one() -> None:
+    """The first effect gains 1000, so that its form may leave 22."""
+    plain, part = _ranked("", 3.0, -1000.0), _ranked("a", 1.0, 0.0)
+    allowed = FORM_SHARE**2 * 1000.0
+    for gained, chosen in ((allowed - 1.0, part.model), (allowed + 1.0, None)):
+        whole = _ranked("ab", 0.9, gained)
+        best, _ = choose([whole, part, plain], BEFORE)
+        assert best.model is (chosen or whole.model)
+
+
+def test_a_form_of_more_values_must_pay_like_a_further_effect() -> None:
+    plain, simple = _ranked("", 3.0, -1000.0), _ranked("a", 1.0, 0.0)
+    assert choose([_ranked("A", 0.9, 20.0), simple, plain], BEFORE)[0] is simple
+    assert choose([_ranked("A", 0.9, 50.0), simple, plain], BEFORE)[0].model.size == 2
+
+
+def test_an_effect_that_does_not_pay_its_price_is_left_out_however_small_its_error() -> None:
+    part, whole, plain = _ranked("a", 1.0, 50.0), _ranked("ab", 0.5, 49.0), _ranked("", 2.0, 45.0)
+    assert choose([part, whole, plain], BEFORE)[0] is part
+    assert choose([_ranked("a", 0.5, 44.0), plain], BEFORE)[0] is plain
+
+
+def test_a_model_with_a_far_larger_held_out_error_is_an_alternative_at_most() -> None:
+    plain, close = _ranked("", 3.0, -500.0), _ranked("a", 1.0)
+    assert choose([_ranked("b", 1.4, 100.0), close, plain], BEFORE)[0].merit == 100.0
+    vetoed = _ranked("b", 1.6, 100.0)
+    assert choose([vetoed, close, plain], BEFORE) == (close, [vetoed])
+
+
+def test_a_model_that_is_worse_than_the_file_in_a_channel_is_left_out() -> None:
+    uneven, even = _ranked("a", (0.1, 3.0), 90.0), _ranked("b", (0.9, 0.9), 80.0)
+    assert choose([uneven, even], np.array([1.0, 1.0]))[0] is even
 
 
 def test_the_error_of_several_channels_is_their_geometric_mean() -> None:
     assert total(np.array([2.0, 8.0]), np.array([1.0, 1.0])) == pytest.approx(4.0)
     assert total(np.array([np.inf, 1.0]), np.array([1.0, 1.0])) == np.inf
-
-
-def test_an_effect_that_does_not_pay_its_price_is_left_out_however_well_it_does() -> None:
-    part, whole = _ranked("a", 1.0, merit=50.0), _ranked("ab", 0.5, merit=49.0)
-    assert chosen([part, whole], np.array([9.0]))[0] is part
-    assert chosen([part, _ranked("ab", 0.5, merit=51.0)], np.array([9.0]))[0].model.size == 2

@@ -1,11 +1,11 @@
-"""Physics and numbers found together: pairs that help only together, and nothing where nothing is."""
+"""Effects and parameters estimated together: pairs of effects, and cases with nothing missing."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from shaftline.mismatch.structure.choice import chosen
+from shaftline.mismatch.structure.choice import choose
 from shaftline.mismatch.structure.search import StructureSearch
 
 from .rigs import COULOMB, INERTIA, effects, motor, problem, run, searched
@@ -22,8 +22,8 @@ def test_a_pair_is_found_with_the_inertia_that_the_file_has_wrong() -> None:
     ids = ("open-circuit", "coulomb-friction", "viscous-friction", "supply-limit", "torque-offset",
            "speed-sensor-lag", "quadratic-drag")  # fmt: skip
     search, ranked = searched(motor(), run(truth, 1), run(truth, 2), ids=ids)
-    before = search.problem.held_error(search.problem.nothing(), search.held)
-    best, alike = chosen(ranked, before)
+    before = search.problem.held_error(search.problem.file_model())
+    best, alike = choose(ranked, before)
     found = {p.effect.id: p.values[0] for p in best.model.effects}
     assert set(found) == {"open-circuit", "coulomb-friction"}
     # it never turns astern: an offset of the torque is the same, and said to be
@@ -32,7 +32,7 @@ def test_a_pair_is_found_with_the_inertia_that_the_file_has_wrong() -> None:
     ]
     assert found["open-circuit"] == pytest.approx(1.0, abs=0.03)
     assert found["coulomb-friction"] == pytest.approx(0.02, rel=0.05)
-    numbers = dict(zip([d.key for d in search.problem.doubts], best.model.numbers, strict=True))
+    numbers = dict(zip([d.key for d in search.problem.priors], best.model.shifts, strict=True))
     assert 1e-3 * np.exp(numbers[INERTIA]) == pytest.approx(1.6e-3, rel=0.05)
     assert float(best.held[0]) < 0.35 < 0.05 * float(before[0])  # the noise is 0.3
 
@@ -45,8 +45,8 @@ def test_an_open_switch_is_told_from_a_supply_that_takes_nothing_back(effect: st
     key = f"prime_mover.{effect.replace('-', '_')}_fraction"
     ids = (*BY_SWITCHING, "coulomb-friction", "viscous-friction")
     search, ranked = searched(motor(), run({key: 1.0}, 1), run({key: 1.0}, 2), ids=ids)
-    before = search.problem.held_error(search.problem.nothing(), search.held)
-    best, _ = chosen(ranked, before)
+    before = search.problem.held_error(search.problem.file_model())
+    best, _ = choose(ranked, before)
     found = {p.effect.id: p.values[0] for p in best.model.effects}
     assert found == {effect: pytest.approx(1.0, abs=0.03)}
 
@@ -54,16 +54,16 @@ def test_an_open_switch_is_told_from_a_supply_that_takes_nothing_back(effect: st
 @pytest.mark.parametrize("seed", [3, 5])
 def test_nothing_is_named_where_nothing_is_missing(seed: int) -> None:
     search, ranked = searched(motor(), run(seed=seed), run(seed=seed + 1))
-    before = search.problem.held_error(search.problem.nothing(), search.held)
-    best, alike = chosen(ranked, before)
+    before = search.problem.held_error(search.problem.file_model())
+    best, alike = choose(ranked, before)
     assert best.model.effects == ()
     assert alike == []
-    assert np.abs(best.model.numbers).max() < 0.02
+    assert np.abs(best.model.shifts).max() < 0.02
 
 
 def test_effects_cost_more_the_more_there_are() -> None:
-    own, rows = problem(motor(), run(seed=1), run(seed=2))
-    search = StructureSearch(own, effects(motor()), rows)
+    own = problem(motor(), run(seed=1), run(seed=2))
+    search = StructureSearch(own, effects(motor()))
     one = [next(own.trial_ship.trials(e, [])) for e in search.effects[:3]]
     prices = [search.price(tuple(one[:k])) for k in range(4)]
     assert prices[0] == 0.0

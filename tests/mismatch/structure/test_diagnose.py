@@ -1,4 +1,4 @@
-"""A diagnosis by the joint search, from recordings to report."""
+"""A diagnosis by the structure search, from recordings to report."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ OTHERS = (
     "direction-asymmetry", "torque-offset", "quadratic-drag", "supply-limit", "speed-sensor-delay",
     "braking-loss", "command-dead-zone", "load-friction",
 )  # fmt: skip
-JOINT = Options(joint=True, exclude=OTHERS)
+OPTIONS = Options(exclude=OTHERS)
 
 
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:
-    """Dry friction that the file lacks, and an inertia that it has wrong by a quarter."""
+    """Dry friction that the file lacks, and an inertia that is wrong by a quarter."""
     truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
-    return diagnose(motor(), run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=JOINT)
+    return diagnose(motor(), run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=OPTIONS)
 
 
-def test_friction_is_named_and_the_inertia_moved(found: Diagnosis) -> None:
+def test_friction_is_identified_and_the_inertia_estimated(found: Diagnosis) -> None:
     assert [f.effect.id for f in found.findings] == ["coulomb-friction"]
     estimate = found.findings[0].estimates[0]
     assert estimate.value == pytest.approx(0.03, rel=0.05)
@@ -41,14 +41,14 @@ def test_friction_is_named_and_the_inertia_moved(found: Diagnosis) -> None:
     assert number.shifts > 30.0
 
 
-def test_a_number_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagnosis) -> None:
+def test_a_parameter_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagnosis) -> None:
     assert found.verdict == "partly-explained"
     assert any(
         "tolerances: the file's tolerance or its number is wrong" in w for w in found.warnings
     )
     wide = motor().with_values({"tolerances.inertia": 0.3})
     truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
-    sure = diagnose(wide, run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=JOINT)
+    sure = diagnose(wide, run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=OPTIONS)
     assert sure.verdict == "explained"
     assert [f.effect.id for f in sure.findings] == ["coulomb-friction"]
 
@@ -67,7 +67,7 @@ def test_the_corrected_ship_runs_freely_within_the_noise(found: Diagnosis, tmp_p
 
 
 def test_a_healthy_rig_lacks_nothing() -> None:
-    found = diagnose(motor(), run(seed=4), hold_out=[run(seed=5)], options=JOINT)
+    found = diagnose(motor(), run(seed=4), hold_out=[run(seed=5)], options=OPTIONS)
     assert found.verdict == "nothing-missing"
     assert found.findings == []
 
@@ -79,15 +79,15 @@ def test_a_recording_too_dull_to_decide_is_not_healthy() -> None:
         table["shaft_speed_rad_s"] = true + 0.3 * np.random.default_rng(1).standard_normal(
             len(true)
         )
-    found = diagnose(motor(), tables[0], hold_out=tables[1:], options=JOINT)
+    found = diagnose(motor(), tables[0], hold_out=tables[1:], options=OPTIONS)
     assert found.verdict == "unexplained"
     assert found.undecidable
     assert found.sentence.startswith("Cannot be decided, because ")
 
 
-def test_no_more_is_named_than_was_asked_for_and_no_number_moves_without_a_tolerance() -> None:
+def test_no_more_is_reported_than_was_asked_for_and_no_parameter_moves_without_a_tolerance() -> None:
     truth = {COULOMB: 0.03, "prime_mover.open_circuit_fraction": 1.0}
-    options = Options(joint=True, exclude=OTHERS, most_effects=1, tolerance=0.0)
+    options = Options(exclude=OTHERS, most_effects=1, tolerance=0.0)
     found = diagnose(motor(), run(truth, 1), hold_out=[run(truth, 2)], options=options)
     assert len(found.findings) <= 1
     assert found.numbers == []

@@ -1,4 +1,4 @@
-"""A number that moved far, or physics that does the same."""
+"""A parameter far from the file, or an effect that does the same."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from shaftline.mismatch.judge.held_out import set_aside
 from shaftline.mismatch.search.catalogue import catalogue
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.structure.choice import chosen
-from shaftline.mismatch.structure.naming import named
+from shaftline.mismatch.structure.choice import choose
+from shaftline.mismatch.structure.far_parameters import replace_far_parameters
 from shaftline.mismatch.structure.output_error import OutputError
 from shaftline.mismatch.structure.search import StructureSearch
 
@@ -27,37 +27,36 @@ def fouled() -> StructureSearch:
     table = frigate_voyage(ship.with_values({"hull.fouling_fraction": 0.2}), seconds=400.0, seed=2)
     balances = Balances(JointReplay(ship, table))
     fitted, aside = set_aside(balances.replay, 0)[0]
-    problem = OutputError(balances, fitted)
+    problem = OutputError(balances, fitted, aside)
     ids = ("hull-fouling", "current", "entrained-water-inertia", "propeller-roughness")
     effects = [e for e in catalogue() if e.id in ids and e.acts_on(ship)]
-    rows = np.concatenate([np.arange(a, b) for a, b in aside])
-    return StructureSearch(problem, effects, rows)
+    return StructureSearch(problem, effects)
 
 
-def test_a_resistance_that_moved_far_is_fouling_with_the_number_beside_it(
+def test_a_resistance_far_from_the_file_is_fouling_with_the_parameter_beside_it(
     fouled: StructureSearch,
 ) -> None:
     problem = fouled.problem
-    model = problem.freed(problem.fit((), problem.nothing()))
-    moved = dict(zip([d.key for d in problem.doubts], model.numbers, strict=True))
+    model = problem.fit_from_far(problem.fit((), problem.file_model()))
+    moved = dict(zip([d.key for d in problem.priors], model.shifts, strict=True))
     assert moved[RESISTANCE] == pytest.approx(np.log(1.2), abs=0.02)
-    found, replaced = named(fouled, model)
+    found, replaced = replace_far_parameters(fouled, model)
     assert [p.effect.id for p in found.effects] == ["hull-fouling"]
     assert found.effects[0].values[0] == pytest.approx(0.2, abs=0.02)
     (was,) = replaced["hull-fouling (hull)"]
     assert was.key == RESISTANCE
     assert was.value == pytest.approx(1.2 * 3306.2, rel=0.02)
-    place = [d.key for d in problem.doubts].index(RESISTANCE)
-    assert abs(found.numbers[place]) < 3.0 * problem.doubts[place].near
+    place = [d.key for d in problem.priors].index(RESISTANCE)
+    assert abs(found.shifts[place]) < 3.0 * problem.priors[place].near
 
 
-def test_the_numbers_of_a_file_that_was_guessed_stay_numbers() -> None:
+def test_the_parameters_of_a_guessed_file_stay_as_estimated() -> None:
     """An inertia that is off by more than physics could be."""
     truth = {INERTIA: 2.5e-3}
     search, ranked = searched(motor(), run(truth, 1), run(truth, 2), ids=("viscous-friction",))
-    best, _ = chosen(ranked, search.problem.held_error(search.problem.nothing(), search.held))
-    found, replaced = named(search, best.model)
+    best, _ = choose(ranked, search.problem.held_error(search.problem.file_model()))
+    found, replaced = replace_far_parameters(search, best.model)
     assert found is best.model
     assert replaced == {}
-    place = [d.key for d in search.problem.doubts].index(INERTIA)
-    assert 1e-3 * np.exp(found.numbers[place]) == pytest.approx(2.5e-3, rel=0.03)
+    place = [d.key for d in search.problem.priors].index(INERTIA)
+    assert 1e-3 * np.exp(found.shifts[place]) == pytest.approx(2.5e-3, rel=0.03)

@@ -29,13 +29,14 @@ from ..progress import Tick
 from ..recordings.joint import JointRecordings
 from ..search.effect import Effect
 from ..search.fitting import Fit, Fitter
+from ..search.placed import Placed
 from ..search.selection import Candidate, Selection
 from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, choose, total
+from .far_parameters import replace_far_parameters
 from .model import Floats, Model
-from .naming import named
 from .output_error import OutputError
 from .priors import Prior
 from .search import StructureSearch
@@ -91,7 +92,7 @@ def diagnose_structure(
     noise = np.array([replay.noise_rms[c] for c in problem.names])
     if np.all(rival.likelihood.rms(residual) <= OF_NOISE * noise):
         return None
-    search = StructureSearch(problem, effects, tick, most)
+    search = StructureSearch(problem, effects, tick, most, _effects_of(first))
     quick = [problem.held_error(model) for model in search.quick_pass()]
     if min(total(error, rival.likelihood.rms(residual)) for error in quick) > CLOSER:
         return None
@@ -102,6 +103,15 @@ def diagnose_structure(
         return None
     found = _diagnosed(first.ship, problem, search, ranked, best, alike, setting, together)
     return None if found.verdict == UNEXPLAINED else found
+
+
+def _effects_of(first: Diagnosis) -> tuple[Placed, ...]:
+    """Return the effects of a diagnosis with their values, those left out that act for a time."""
+    return tuple(
+        Placed(finding.effect, tuple(estimate.value for estimate in finding.estimates))
+        for finding in first.findings
+        if not finding.effect.windowed
+    )
 
 
 def _diagnosed(
@@ -120,7 +130,7 @@ def _diagnosed(
     segments = list(zip(fitter.bands.starts, fitter.bands.ends, strict=True))
     rows = problem.held_rows
     plain = next(one for one in ranked if not one.model.effects)
-    model, replaced = named(search, best.model)
+    model, replaced = replace_far_parameters(search, best.model)
     if replaced:
         held = problem.held_error(model)
         best = Ranked(model, search.merit(model), held, held)
