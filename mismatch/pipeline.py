@@ -32,6 +32,7 @@ from .judge.verdict import (
     SURE_GAIN,
     UNEXPLAINED,
     Verdict,
+    capped,
     explained_shares,
     sure_effects,
     too_little,
@@ -218,7 +219,7 @@ def _judged(
     ]
     interval = replay.interval_s
     return Diagnosis(
-        verdict=verdict.name,
+        verdict=capped(verdict),
         ship=ship,
         corrected=corrected,
         time_s=replay.time_s,

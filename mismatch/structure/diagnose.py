@@ -42,7 +42,7 @@ from .priors import Prior
 from .search import StructureSearch
 
 OF_NOISE = 2.0
-"""Times the noise of every channel up to which the error on data set aside counts as explained."""
+"""Times the noise of every channel up to which a held-out error is noise."""
 
 CLOSER = 0.8
 """Share of the first diagnosis's held-out error that the model of this search must come below, as the
@@ -52,7 +52,12 @@ MOST_VALUES = 120_000
 """Values of a recording, rows times channels, above which the search would take too long."""
 
 BETTER = 0.9
-"""Share of the error of the ship without effects, all numbers refitted, that effects must come below."""
+"""Share of the held-out error of the ship without effects, its parameters refitted, that effects must
+come below."""
+
+LOOSE = 0.3
+"""Standard error of a parameter's logarithm, the file's tolerances ignored, from which on the recordings
+determine it only together with other parameters."""
 
 
 def diagnose_structure(
@@ -78,35 +83,43 @@ def diagnose_structure(
     Returns:
         The diagnosis; None where the first one is within the noise, or as close to the held-out data.
     """
-    fitter, replay = setting.fitter, setting.balances.replay
+    replay = setting.balances.replay
     if replay.rows * len(replay.channels) > MOST_VALUES:
         return None
-    segments = list(zip(fitter.bands.starts, fitter.bands.ends, strict=True))
-    highest = fitter.bands.highest_Hz
-    problem = OutputError(setting.balances, segments, setting.held, tolerance, highest)
+    bands = setting.fitter.bands
+    segments = list(zip(bands.starts, bands.ends, strict=True))
+    problem = OutputError(setting.balances, segments, setting.held, tolerance, bands.highest_Hz)
     corrected = JointReplay(
         first.corrected, *together.tables, line=replay.line, every=replay.every
     )
     rival = OutputError(Balances(corrected), segments, setting.held, 0.0)
     residual = rival.held_residual(rival.file_model())
+    before = rival.likelihood.rms(residual)
     noise = np.array([replay.noise_rms[c] for c in problem.names])
-    if np.all(rival.likelihood.rms(residual) <= OF_NOISE * noise):
+    if np.all(before <= OF_NOISE * noise):
         return None
     search = StructureSearch(problem, effects, tick, most, _effects_of(first))
-    quick = [problem.held_error(model) for model in search.quick_pass()]
-    if min(total(error, rival.likelihood.rms(residual)) for error in quick) > CLOSER:
+    if min(total(problem.held_error(quick), before) for quick in search.quick_pass()) > CLOSER:
         return None
     ranked = search.search()
-    nothing = problem.held_error(problem.file_model())
-    best, alike = choose(ranked, nothing)
+    best, alike = choose(ranked, problem.held_error(problem.file_model()))
     if total(best.compared, rival.likelihood.rms(residual, search.limit)) > CLOSER:
         return None
-    found = _diagnosed(first.ship, problem, search, ranked, best, alike, setting, together)
-    return None if found.verdict == UNEXPLAINED else found
+    model, replaced = replace_far_parameters(search, best.model)
+    plain = next(one.held for one in ranked if not one.model.effects)
+    if replaced:
+        held = problem.held_error(model)
+        best, alike = Ranked(model, search.merit(model), held, held), []
+        plain = problem.held_error(problem.file_model())  # without the parameters' new values
+    found = _diagnosed(first, search, setting, together, best, alike, ranked, plain)
+    if found.verdict == UNEXPLAINED:
+        return None
+    wrong = [_biased(first.ship, replaced, finding) for finding in found.findings]
+    return replace(found, wrong=wrong)
 
 
 def _effects_of(first: Diagnosis) -> tuple[Placed, ...]:
-    """Return the effects of a diagnosis with their values, those left out that act for a time."""
+    """Return the effects of a diagnosis with their values, except those that act for a time."""
     return tuple(
         Placed(finding.effect, tuple(estimate.value for estimate in finding.estimates))
         for finding in first.findings
@@ -115,106 +128,85 @@ def _effects_of(first: Diagnosis) -> tuple[Placed, ...]:
 
 
 def _diagnosed(
-    file: Ship,
-    problem: OutputError,
+    first: Diagnosis,
     search: StructureSearch,
-    ranked: list[Ranked],
-    best: Ranked,
-    alike: list[Ranked],
     setting: Setting,
     together: JointRecordings,
+    best: Ranked,
+    alike: list[Ranked],
+    ranked: list[Ranked],
+    plain: Floats,
 ) -> Diagnosis:
-    """Return the diagnosis that a chosen model amounts to."""
-    nothing = problem.held_error(problem.file_model())
-    fitter = setting.fitter
-    segments = list(zip(fitter.bands.starts, fitter.bands.ends, strict=True))
-    rows = problem.held_rows
-    plain = next(one for one in ranked if not one.model.effects)
-    model, replaced = replace_far_parameters(search, best.model)
-    if replaced:
-        held = problem.held_error(model)
-        best = Ranked(model, search.merit(model), held, held)
-        alike = []
+    """Return the first diagnosis with what a chosen model changes in it.
 
-    ship = _with_numbers(file, problem, model)
-    replay = setting.balances.replay
-    own = Balances(JointReplay(ship, *together.tables, line=replay.line, every=replay.every))
-    moved = Fitter(own, bands_of(own, segments, fitter.bands.highest_Hz), problem.tolerance)
-    fit = moved.fitted(model.effects)
-    whiteness = Whiteness(moved, replay.noise_rms, replay.quantisation)
-    selection = _selection(moved, fit, best, alike, ranked, search)
-    shares = [w.ratios(f) for w, f in ((setting.whiteness, fitter.null), (whiteness, fit))]
-    before, after = (float(np.maximum(s - 1.0, 0.0).sum()) for s in shares)
-    verdict = _verdict(best, nothing if replaced else plain.held, problem, whiteness, fit)
-
-    undecidable = too_little(replay.excited, together.limits)
-    if verdict == NOTHING and undecidable:  # which is not the same
+    Args:
+        first: diagnosis by the other search.
+        search: search that found the model.
+        setting: how the recordings are looked at.
+        together: the recordings.
+        best: the chosen model.
+        alike: models that the recordings cannot distinguish from it.
+        ranked: all models.
+        plain: held-out error of the ship without effects by channel.
+    """
+    problem, model, replay = search.problem, best.model, setting.balances.replay
+    ship = _with_parameters(first.ship, problem, model)
+    balances = Balances(JointReplay(ship, *together.tables, line=replay.line, every=replay.every))
+    bands = setting.fitter.bands
+    segments = list(zip(bands.starts, bands.ends, strict=True))
+    fitter = Fitter(balances, bands_of(balances, segments, bands.highest_Hz), problem.tolerance)
+    fit = fitter.fitted(model.effects)
+    whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
+    verdict = _verdict(best, plain, problem, whiteness, fit)
+    if verdict == NOTHING and too_little(replay.excited, together.limits):
         verdict = UNEXPLAINED
-    holds = verdict in (EXPLAINED, PARTLY)
-    carried = holds or verdict == NOTHING
-    corrected = moved.trial_ship.corrected(fit.effects) if carried else file
-    lacking = own.lacking(own.nominal)
-    findings = findings_of(moved, selection, lacking) if holds else []
+    if verdict == UNEXPLAINED:
+        return replace(first, verdict=verdict)
+    selection = _selection(fitter, fit, best, alike, ranked, search)
+    corrected = fitter.trial_ship.corrected(fit.effects)
+    findings = findings_of(fitter, selection, balances.lacking(balances.nominal))
     findings = [
         replace(finding, estimates=estimates)
-        for finding, estimates in zip(findings, _estimates(problem, model, moved), strict=False)
+        for finding, estimates in zip(findings, _estimates(problem, model, fitter), strict=True)
     ]
-    judge = HeldOut(fitter, setting.held)
-    gain = judge(corrected.record()) - judge(file.record())
-    measured = replay.recorded
-    sailed = replay.simulated(replay.simulate(file.record()))
-    followed = dict(zip(problem.names, problem.simulate(model), strict=True))
-    if corrected == file:
-        followed = sailed
-    interval = replay.interval_s
-    return Diagnosis(
+    after = dict(zip(problem.names, problem.simulate(model), strict=True))
+    judge = HeldOut(setting.fitter, setting.held)
+    powers = [w.ratios(f) for w, f in ((setting.whiteness, setting.fitter.null), (whiteness, fit))]
+    lacked, left = (float(np.maximum(power - 1.0, 0.0).sum()) for power in powers)
+    return replace(
+        first,
         verdict=verdict,
-        ship=file,
         corrected=corrected,
-        time_s=replay.time_s,
-        held_out=[(a * interval, b * interval) for a, b in setting.held],
-        drive=replay.drive_rows,
-        measured=measured,
-        before=sailed,
-        after=followed,
-        balances=list(zip(own.names, own.units, strict=True)),
-        residual_before=setting.balances.lacking(sailed),
-        residual_after=setting.balances.lacking(followed),
+        after=after,
+        residual_after=setting.balances.lacking(after),
         findings=findings,
         shape=None,
         shape_windows=[],
         shape_regime="",
-        balance_verdicts=balance_verdicts(whiteness, fit if holds else moved.null, verdict),
-        explained=1.0 - after / before if before > 0.0 else 1.0,
+        formula=None,
+        balance_verdicts=balance_verdicts(whiteness, fit, verdict),
+        explained=1.0 - left / lacked if lacked > 0.0 else 1.0,
         left_over=whiteness.colour(fit),
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
         detectable=detectable_effects(
-            moved, search.threshold, fit, [c.effect for c in selection.ranking]
+            fitter, search.threshold, fit, [c.effect for c in selection.ranking]
         ),
-        fit_before=fits(measured, sailed, rows),
-        fit_after=fits(measured, followed, rows),
-        held_out_gain=float(gain),
-        excited=replay.excited,
-        line=replay.line,
-        highest_Hz=fitter.bands.highest_Hz,
-        rows_averaged=replay.every,
-        limits=together.limits,
-        undecidable=undecidable,
-        warnings=[*together.warnings, *(_remarks(best, problem, nothing) if carried else [])],
-        numbers=_numbers(file, problem, model, corrected) if carried else [],
-        wrong=[_wrong(file, replaced, finding) for finding in findings],
+        fit_after=fits(first.measured, after, problem.held_rows),
+        held_out_gain=float(judge(corrected.record()) - judge(first.ship.record())),
+        warnings=[*together.warnings, *_remarks(best, problem)],
+        numbers=_parameters(first.ship, problem, model, corrected),
     )
 
 
-def _with_numbers(file: Ship, problem: OutputError, model: Model) -> Ship:
-    """The ship of the file with the numbers that a model has moved."""
+def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
+    """Return the ship with the parameters that a model has shifted."""
     values = {}
-    for doubt, moved in zip(problem.priors, model.shifts, strict=True):
-        if abs(moved) > 0.1 * doubt.near:
-            number = file.number(doubt.key)
-            value = float(np.clip(doubt.value_at(float(moved)), *number.searched))
-            values[doubt.key] = number.info.inside(value)
-    with contextlib.suppress(ShipError):  # two numbers that do not go together
+    for prior, shift in zip(problem.priors, model.shifts, strict=True):
+        if abs(shift) > 0.1 * prior.near:
+            number = file.number(prior.key)
+            value = float(np.clip(prior.value_at(float(shift)), *number.searched))
+            values[prior.key] = number.info.inside(value)
+    with contextlib.suppress(ShipError):  # two parameters that do not go together
         return file.with_values(values) if values else file
     return file
 
@@ -222,7 +214,7 @@ def _with_numbers(file: Ship, problem: OutputError, model: Model) -> Ship:
 def _verdict(
     best: Ranked, plain: Floats, problem: OutputError, whiteness: Whiteness, fit: Fit
 ) -> str:
-    """What may be said of the model that was chosen."""
+    """Return the verdict on a chosen model."""
     noise = np.array([problem.replay.noise_rms[c] for c in problem.names])
     quiet = bool(np.all(best.held <= OF_NOISE * np.maximum(noise, 1e-300)))
     white = whiteness.colour(fit) is None
@@ -236,14 +228,14 @@ def _verdict(
 
 
 def _selection(
-    moved: Fitter,
+    fitter: Fitter,
     fit: Fit,
     best: Ranked,
     alike: list[Ranked],
     ranked: list[Ranked],
     search: StructureSearch,
 ) -> Selection:
-    """A model in the words of the other search: each effect's gain, threshold and rivals."""
+    """Return a model as the other search has it: each effect's gain, threshold and rivals."""
     labels = best.model.labels
     gains, rivals = [], []
     for placed in best.model.effects:
@@ -254,7 +246,7 @@ def _selection(
             other = [p for p in one.model.effects if p.effect.label not in labels]
             shared = labels & one.model.labels
             if len(other) == 1 and shared == labels - {placed.effect.label}:
-                instead.append(_candidate(moved, other[0].effect, one))
+                instead.append(_candidate(fitter, other[0].effect, one))
         rivals.append(tuple(instead))
     singles = [one for one in ranked if len(one.model.effects) == 1]
     return Selection(
@@ -262,20 +254,20 @@ def _selection(
         tuple(gains),
         tuple(search.threshold(placed.effect) for placed in best.model.effects),
         tuple(rivals),
-        tuple(_candidate(moved, one.model.effects[0].effect, one) for one in singles),
+        tuple(_candidate(fitter, one.model.effects[0].effect, one) for one in singles),
     )
 
 
-def _candidate(moved: Fitter, effect: Effect, one: Ranked) -> Candidate:
-    """An effect of another model, with that model's merit."""
+def _candidate(fitter: Fitter, effect: Effect, one: Ranked) -> Candidate:
+    """Return an effect of another model with that model's merit."""
     placed = next(p for p in one.model.effects if p.effect is effect)
-    return Candidate(effect, replace(moved.null, effects=(placed,)), one.merit)
+    return Candidate(effect, replace(fitter.null, effects=(placed,)), one.merit)
 
 
-def _estimates(problem: OutputError, model: Model, moved: Fitter) -> list[tuple[Estimate, ...]]:
-    """Every effect's values with their errors, all other free values unsure as well."""
+def _estimates(problem: OutputError, model: Model, fitter: Fitter) -> list[tuple[Estimate, ...]]:
+    """Return the values of the effects with standard errors, all other free values uncertain as well."""
     errors = problem.standard_errors(model)
-    host = moved.trial_ship.host(model.effects)
+    host = fitter.trial_ship.host(model.effects)
     found, place = [], len(model.shifts) + len(model.nuisance)
     for placed in model.effects:
         own = []
@@ -293,46 +285,58 @@ def _estimates(problem: OutputError, model: Model, moved: Fitter) -> list[tuple[
     return found
 
 
-def _numbers(file: Ship, problem: OutputError, model: Model, corrected: Ship) -> list[MovedNumber]:
-    """The numbers that the model has moved."""
+def _parameters(
+    file: Ship, problem: OutputError, model: Model, corrected: Ship
+) -> list[MovedNumber]:
+    """Return the parameters that the model has shifted by a tolerance or more."""
     errors = problem.standard_errors(model)
     found = []
-    for k, (doubt, moved) in enumerate(zip(problem.priors, model.shifts, strict=True)):
-        shifts = float(moved) / doubt.near
-        if abs(shifts) < TOLD:
+    for k, (prior, shift) in enumerate(zip(problem.priors, model.shifts, strict=True)):
+        tolerances = float(shift) / prior.near
+        if abs(tolerances) < TOLD:
             continue
-        number = file.number(doubt.key)
-        value = doubt.value_at(float(moved))
-        spread = float(errors[k]) * (value if doubt.ratio else 1.0)
+        number = file.number(prior.key)
+        value = prior.value_at(float(shift))
+        spread = float(errors[k]) * (value if prior.ratio else 1.0)
         found.append(
             MovedNumber(
-                doubt.key, number.info.unit, number.value, value, abs(spread), shifts, "tolerance",
-                corrected.number(doubt.key).value,
+                prior.key, number.info.unit, number.value, value, abs(spread), tolerances,
+                "tolerance", corrected.number(prior.key).value,
             )
         )  # fmt: skip
     return found
 
 
-def _wrong(file: Ship, replaced: dict[str, list[Prior]], finding: Finding) -> WrongNumber | None:
-    """The number of the file that would explain a finding as well."""
-    doubts = replaced.get(finding.effect.label, [])
-    if len(doubts) != 1:
+def _biased(file: Ship, replaced: dict[str, list[Prior]], finding: Finding) -> WrongNumber | None:
+    """Return the parameter of the ship file that would explain a finding as well."""
+    priors = replaced.get(finding.effect.label, [])
+    if len(priors) != 1:
         return None
-    doubt = doubts[0]
-    number = file.number(doubt.key)
-    return WrongNumber(doubt.key, number.value, doubt.value, number.info.unit, finding.score)
+    (prior,) = priors
+    number = file.number(prior.key)
+    return WrongNumber(prior.key, number.value, prior.value, number.info.unit, finding.score)
 
 
-def _remarks(best: Ranked, problem: OutputError, nothing: np.ndarray) -> list[str]:
-    """What a reader must know of the error on data set aside and of numbers that moved far."""
+def _remarks(best: Ranked, problem: OutputError) -> list[str]:
+    """Return remarks on held-out errors, and on parameters far from the file."""
+    before = problem.held_error(problem.file_model())
     said = [
-        f"{column}: error on the data set aside {before:.4g} as the file has it, {after:.4g} now"
-        for column, before, after in zip(problem.names, nothing, best.held, strict=True)
+        f"{column}: held-out rms error {was:.4g} with the ship file, {now:.4g} with the corrected ship"
+        for column, was, now in zip(problem.names, before, best.held, strict=True)
     ]
-    for k in sorted(problem.moved_far(best.model)):
-        doubt, moved = problem.priors[k], float(best.model.shifts[k])
+    far = sorted(problem.moved_far(best.model))
+    for k in far:
+        prior, shift = problem.priors[k], float(best.model.shifts[k])
         said.append(
-            f"{doubt.key} moved from {doubt.value:.4g} to {doubt.value_at(moved):.4g}, "
-            f"{abs(moved) / doubt.near:.0f} tolerances: the file's tolerance or its number is wrong"
+            f"{prior.key} is estimated as {prior.value_at(shift):.4g} and is {prior.value:.4g} in the "
+            f"ship file, {abs(shift) / prior.near:.0f} tolerances away: the value or its tolerance in "
+            "the file is wrong"
+        )
+    errors = problem.standard_errors(best.model, guessed=True)
+    loose = [problem.priors[k].key for k in far if problem.priors[k].ratio and errors[k] > LOOSE]
+    if loose:
+        said.append(
+            f"{', '.join(loose)}: these recordings determine only a combination with other parameters; "
+            "the value holds as far as the tolerances of the others in the ship file do"
         )
     return said

@@ -336,15 +336,15 @@ class OutputError:
                 found[search.clocks + c - first] = self.likelihood.white(alone)
         return found
 
-    def standard_errors(self, model: Model) -> Floats:
+    def standard_errors(self, model: Model, guessed: bool = False) -> Floats:
         """Return the standard error of each shift, nuisance value and value of an effect.
 
-        They come from the curvature at the maximum with all other values uncertain as well; shape
-        (free values,), in the values' units.
+        They come from the curvature at the maximum, all other values uncertain as well; with
+        ``guessed`` without the file's tolerances. Shape (free values,), in the values' units.
         """
         columns, search = self.derivatives(model)
         scale = self.likelihood.scale(self.likelihood.white(self.residual(model)))
         flat = (columns * scale).reshape(len(columns), -1)
-        information = flat @ flat.T + np.diag(search.precision(search.start, False))
+        information = flat @ flat.T + np.diag(search.precision(search.start, guessed))
         variances = np.maximum(np.diag(np.linalg.pinv(information)), 0.0)
         return np.asarray(np.sqrt(variances) * search.units)

@@ -44,7 +44,7 @@ def test_friction_is_identified_and_the_inertia_estimated(found: Diagnosis) -> N
 def test_a_parameter_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagnosis) -> None:
     assert found.verdict == "partly-explained"
     assert any(
-        "tolerances: the file's tolerance or its number is wrong" in w for w in found.warnings
+        "the value or its tolerance in the file is wrong" in w for w in found.warnings
     )
     wide = motor().with_values({"tolerances.inertia": 0.3})
     truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
