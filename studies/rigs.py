@@ -1,4 +1,4 @@
-"""Real rigs of other people: what is said of each where physics and numbers are searched together.
+"""Real rigs of other people: the diagnosis by the first search, and with the second one.
 
 Run ``python -m shaftline.studies.rigs --recordings FOLDER --out docs/results``; takes about ten minutes.
 """
@@ -171,40 +171,40 @@ def row(rig: Rig, folder: Path) -> dict[str, object]:
         "missing": rig.missing,
         "verdict": found[False].verdict,
         "named": names(found[False]),
-        "numbers_moved": "; ".join(moved) or "none",
+        "parameters": "; ".join(moved) or "none",
         "unit": rig.unit,
         "file": rig.scale * before,
-        "numbers_first": rig.scale * errors(found[True])[1],
-        "together": rig.scale * after,
+        "quick": rig.scale * errors(found[True])[1],
+        "full": rig.scale * after,
         "bound": rig.bound,
-        "numbers_first_named": names(found[True]),
-        "numbers_first_verdict": found[True].verdict,
+        "quick_named": names(found[True]),
+        "quick_verdict": found[True].verdict,
         "trap": rig.trap,
     }
 
 
 def body(table: pd.DataFrame) -> str:
     """The page."""
-    errors_of = table[["rig", "unit", "file", "numbers_first", "together", "bound"]]
-    said = table[["rig", "missing", "verdict", "named", "numbers_moved"]]
-    before = table[["rig", "numbers_first_verdict", "numbers_first_named"]]
+    errors_of = table[["rig", "unit", "file", "quick", "full", "bound"]]
+    said = table[["rig", "missing", "verdict", "named", "parameters"]]
+    before = table[["rig", "quick_verdict", "quick_named"]]
     return "\n\n".join(
         [
-            "# Real rigs: physics and numbers searched together",
+            "# Real rigs: effects and parameters together",
             "Made by `python -m shaftline.studies.rigs --recordings FOLDER --out docs/results`. The "
             "ship files contain guesses; `studies/rigs.py` defines which runs are fitted and which are "
-            "held out. All errors are rms of a free-running simulation on held-out runs. With "
-            "*together*, the initial state of such a run is estimated from its first rows; otherwise it "
-            "is the mean over 40 time steps.",
-            "The joint search was developed on these four rigs. The table therefore shows what it can "
+            "held out. All errors are rms of a free-running simulation on held-out runs. In *full*, the "
+            "initial state of such a run is estimated from its first rows; otherwise it is the mean "
+            "over 40 time steps.",
+            "The second search was developed on these four rigs. The table therefore shows what it can "
             "identify, not how often it is right on other rigs.",
-            "## Errors on unseen runs",
-            "*file*: the ship as given. *numbers first*: `shaftline diagnose`. *together*: "
-            "`shaftline diagnose --joint`. *bound*: what independent fits of the same data reach.",
+            "## Errors on held-out runs",
+            "*file*: the ship as given. *quick*: `shaftline diagnose --quick`, the first search alone. "
+            "*full*: `shaftline diagnose`. *bound*: what independent fits of the same data reach.",
             markdown(errors_of, 3),
-            "## What is said, and what is missing",
+            "## Identified effects, and the missing ones",
             markdown(said, 3),
-            "## What the search that moves numbers first says",
+            "## Result of the first search alone",
             markdown(before, 3),
             "## Traps",
             "\n".join(f"- {one.title}: {one.trap}." for one in RIGS),

@@ -21,7 +21,7 @@ from .identification import Identification
 
 def unjudged(method: str, ship: Ship, found: Found, left_out: dict[str, str]) -> Identification:
     """Return what a method found in a table of steady states, which holds no run to compare with."""
-    identified = _identified(ship, found)
+    identified = identified_ship(ship, found)
     return _identification(
         method, ship, identified, found, left_out=left_out, warnings=[*found.remarks]
     )
@@ -43,7 +43,7 @@ def judged(
     replay = balances.replay
     rows = np.concatenate([np.arange(a, b) for a, b in held or replay.segments])
     interval = replay.interval_s
-    identified = _identified(replay.ship, found)
+    identified = identified_ship(replay.ship, found)
     after = replay.simulated(replay.simulate(identified.record()))
     _refuse_diverged(method, found, after)
     return _identification(
@@ -109,10 +109,10 @@ def _identification(
     )
 
 
-def _identified(ship: Ship, found: Found) -> Ship:
-    """The ship with the numbers that were found, how well each is known, and how that goes together.
+def identified_ship(ship: Ship, found: Found) -> Ship:
+    """Return the ship with the estimated parameters, their standard errors and their correlation.
 
-    A number that the record holds in another form is left out of that: nothing can be moved by it.
+    A parameter that the record holds in another form has no tolerance, because nothing can shift it.
     """
     told = [i for i, key in enumerate(found.keys) if ship.has_key(key)]
     keys, errors = [found.keys[i] for i in told], found.standard_errors[told]

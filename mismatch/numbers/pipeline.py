@@ -19,11 +19,14 @@ from ...plant.ship_errors import ShipError
 from ..judge.held_out import Segments, bands_of, set_aside
 from ..progress import Tick, silent
 from ..recordings.joint import Recorded, load_jointly
+from ..recordings.loading import turned
+from ..search.catalogue import applicable
 from ..search.fitting import Fitter
 from ..search.selection import TELL_APART
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from ..simulate.linear_replay import LinearReplay
+from ..structure.model_error import with_model_error
 from .augmented import ekf
 from .automatic import told_by
 from .band import numbers_hertz
@@ -31,7 +34,7 @@ from .found import Found
 from .free import AUTO, Free, usual_keys
 from .identifiable import UntoldError, refuse_guesses
 from .identification import Identification
-from .identified import judged, unjudged
+from .identified import identified_ship, judged, unjudged
 from .output_error import output_error, refuse_untold
 from .points import points_of
 from .sine import sine
@@ -126,6 +129,12 @@ def identify(
         left_out = untold | more
         if found.line:
             balances = Balances(JointReplay(ship, *together.tables, line=True))
+        if METHODS[method].cut:
+            columns_of = set(together.tables[0].columns)
+            effects = applicable(ship, columns_of, turned=turned(together.tables))
+            found = with_model_error(
+                found, identified_ship(ship, found), balances, train, held, effects, tick
+            )
         tick("judging", 0, 1)
         identification = judged(method, balances, found, held, together, left_out)
         tick("judging", 1, 1)

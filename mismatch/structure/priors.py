@@ -104,6 +104,17 @@ def parameter_priors(replay: JointReplay, tolerance: float = 1.0) -> list[Prior]
     return [*_of_tolerances(replay, tolerance), *_of_terms(replay.ship)]
 
 
+def guessed_prior(number: Number) -> Prior:
+    """Return the prior of a parameter of which the ship file's tolerance says nothing.
+
+    Args:
+        number: parameter of a ship; not 0.
+    """
+    return Prior(
+        number.key, number.value, WIDE, WIDE, 1.0, True, number.write, _log_factors(number)
+    )
+
+
 def _of_tolerances(replay: JointReplay, tolerance: float) -> Iterator[Prior]:
     """Yield the prior of each parameter that a tolerance moves, one by one."""
     ship = replay.ship
@@ -140,10 +151,7 @@ def _of_terms(ship: Ship) -> Iterator[Prior]:
         for name in term.parameters:
             number = ship.number(f"term.{term.id}.{name}")
             if number.value != 0.0 and number.key not in ship.tolerances.numbers:
-                yield Prior(
-                    number.key, number.value, WIDE, WIDE, 1.0, True, number.write,
-                    _log_factors(number),
-                )  # fmt: skip
+                yield guessed_prior(number)
 
 
 def _log_factors(number: Number) -> tuple[float, float]:

@@ -49,8 +49,8 @@ def test_the_generator_s_open_armature_friction_and_lag_are_found_together() -> 
 
 def test_the_page_has_a_row_for_each_rig() -> None:
     row = dict.fromkeys(
-        ("rig", "missing", "verdict", "named", "numbers_moved", "unit", "file", "numbers_first",
-         "together", "bound", "numbers_first_named", "numbers_first_verdict", "trap"), "x"
+        ("rig", "missing", "verdict", "named", "parameters", "unit", "file", "quick",
+         "full", "bound", "quick_named", "quick_verdict", "trap"), "x"
     )  # fmt: skip
     text = body(pd.DataFrame([row, row | {"rig": "another"}]))
     assert text.count("| another |") == 3
