@@ -48,6 +48,9 @@ FAR_TOLERANCES = 3.0
 MOST_STEPS, SETTLED = 14, 0.02
 """Gauss-Newton steps of a fit, at most; and the gain in 2 log L of a step below which it ends."""
 
+DIVERGED = 1e6
+"""Times the largest measured value from which on a simulated channel diverges."""
+
 LEAST_NOISE = 0.5
 """Times a channel's white noise that a model's residual counts at least."""
 
@@ -93,6 +96,7 @@ class OutputError:
         ]
         self.starts = np.tile(start, len(self.replay.runs))
         self._measured = np.array([self.replay.recorded[c] for c in self.names])
+        self._largest = DIVERGED * np.abs(self._measured).max(axis=1) + 1.0
         floor = np.array([LEAST_NOISE * self.replay.noise_rms[c] for c in self.names])
         floor += 1e-9 * np.abs(self._measured).max(axis=1) + 1e-300
         fitted_lengths, held_lengths = ([b - a for a, b in s] for s in (fitted, held))
@@ -114,7 +118,7 @@ class OutputError:
         """Return simulated channels on all rows and their rate by row, each shape (channels, rows)."""
         self.simulations += 1
         found = self.replay.channels_of(self.record(effects, shifts), each=self._first(nuisance))
-        values = np.array([found[c] for c in self.names])
+        values = self._bounded(found)
         slopes = np.zeros_like(values)
         for a, b in self.replay.segments:
             if b - a > 1:
@@ -132,7 +136,14 @@ class OutputError:
         """Return one recording's simulated channels without clock skew, shape (channels, rows)."""
         first = self._first(nuisance)[run]
         found = self.replay.channels_of_run(run, self.record(effects, shifts), first)
-        return np.array([found[c] for c in self.names])
+        return self._bounded(found)
+
+    def _bounded(self, found: dict[str, Floats]) -> Floats:
+        """Return simulated channels as an array, all NaN where the ship diverges."""
+        values = np.array([found[c] for c in self.names])
+        with np.errstate(invalid="ignore"):
+            sound = np.all(np.abs(values) <= self._largest[:, None])
+        return values if sound else np.full_like(values, math.nan)
 
     def simulate(self, model: Model) -> Floats:
         """Return a model's simulated channels on all rows, each recording from its own first state."""

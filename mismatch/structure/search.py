@@ -43,10 +43,10 @@ THOROUGH = Effort(kinds=8, starts=2, pairs=4, beam=3, most=3)
 NEARBY = Effort(kinds=8, starts=1, pairs=0, beam=1, most=3)
 """From a model whose parameters are held near the file, where they have moved far."""
 
-EXCHANGES = Effort(kinds=4, starts=1, pairs=0, beam=1, most=3)
-"""Instead of one effect of a model."""
+EXCHANGED = 4
+"""Effects that are tried instead of one effect of a model."""
 
-VARIED = 3
+VARIED = 2
 """Models of a round, the best first, whose effects are left out, simplified or exchanged."""
 
 FITTED = 6
@@ -88,6 +88,7 @@ class StructureSearch:
         self.pool: dict[frozenset[str], Model] = {}
         self._suggested = suggested
         self._quick: list[Model] = []
+        self._screened: dict[frozenset[str], list[Placed]] = {}  # of models by labels, best first
         self.limit = np.full(len(problem.names), math.inf)
 
     def search(self) -> list[Ranked]:
@@ -147,6 +148,7 @@ class StructureSearch:
     def _pass(self, effort: Effort, stage: str) -> dict[frozenset[str], Model]:
         problem, guessed = self.problem, effort.beam == 1
         worth = _score if guessed else self.merit
+        self._screened.clear()
         first = problem.fit((), problem.file_model(), guessed)
         if not guessed:
             first = problem.fit_from_far(first)
@@ -205,21 +207,26 @@ class StructureSearch:
             if model.labels in varied or not model.effects:
                 continue
             varied.add(model.labels)
-            base = Base(self.problem, model)
+            tangent = Base(self.problem, model).tangent
             for which in range(len(model.effects)):
-                for effects in self._simpler_forms(model, which):
-                    self._keep(found, self.problem.fit(effects, model, tangent=base.tangent))
                 rest = model.effects[:which] + model.effects[which + 1 :]
-                self._keep(found, self.problem.fit(rest, model))
-                without = found[frozenset(placed.effect.label for placed in rest)]
-                for begin, effects in self._upon(Base(self.problem, without), EXCHANGES):
-                    if frozenset(placed.effect.label for placed in effects) not in found:
-                        self._keep(
-                            found, self.problem.fit(effects, begin.model, tangent=begin.tangent)
-                        )
+                begin = self.problem.fit(rest, model, tangent=tangent)
+                self._keep(found, begin)
+                for effects in (*self._simpler_forms(model, which), *self._exchanges(begin)):
+                    labels = frozenset(placed.effect.label for placed in effects)
+                    if labels not in found:
+                        self._keep(found, self.problem.fit(effects, begin, tangent=tangent))
+
+    def _exchanges(self, rest: Model) -> list[tuple[Placed, ...]]:
+        """Return a model's effects with one of those that are predicted to help most."""
+        if not math.isfinite(rest.score):
+            return []
+        if rest.labels not in self._screened:
+            self._screened[rest.labels] = _starts(Base(self.problem, rest).screen(self.effects))
+        return [(*rest.effects, start) for start in self._screened[rest.labels][:EXCHANGED]]
 
     def _simpler_forms(self, model: Model, which: int) -> Iterator[tuple[Placed, ...]]:
-        """Yield a model's effects with one of them in a form of fewer parameters."""
+        """Yield a model's effects with one of them in a form of fewer values."""
         own = model.effects[which]
         for form in self.effects:
             if form.kind == own.effect.kind and len(form.parameters) < len(own.values):
@@ -248,6 +255,7 @@ class StructureSearch:
         trials: list[tuple[Base, tuple[Placed, ...]]] = []
         own = base.model.effects
         screened = base.screen(self.effects)
+        self._screened[base.model.labels] = _starts(screened)
         kinds: dict[tuple[str, str], int] = {}
         for one in screened:
             forms = kinds.get(one.effect.kind, 0)
@@ -264,3 +272,11 @@ class StructureSearch:
 
 def _score(model: Model) -> float:
     return model.score
+
+
+def _starts(screened: list[Screened]) -> list[Placed]:
+    """Return the best start of the best form of each kind of effect, the best first."""
+    found: dict[tuple[str, str], Placed] = {}
+    for one in screened:
+        found.setdefault(one.effect.kind, one.starts[0][1])
+    return list(found.values())
