@@ -75,6 +75,8 @@ def check(
         if draft is not None and found.begin:
             write_text(draft, "\n".join(found.begin) + "\n")
             say(f"column map to complete: {draft}")
+            if columns is not None:
+                say(f"it holds what {columns} leaves open; copy its lines there")
         elif draft is not None:
             say("no column map is needed, or nothing is known for one; none was written")
         if found.recording is None:

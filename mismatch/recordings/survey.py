@@ -64,7 +64,7 @@ class Survey:
         recording: as it would be diagnosed; None where it is refused.
         refused: why, a line each.
         layout: how the file was read, where that is not plain.
-        begin: lines of a column map to begin with, where it is refused.
+        begin: lines of a column map to begin with; none where nothing is left to be understood.
     """
 
     path: Path
@@ -152,10 +152,10 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     absent = {c: COSTS[c] for c in wanted}
     absent |= {c: "the ship cannot be driven" for c in input_columns(ship) if c not in have}
     layout = raw.attrs.get("layout")
-    begin: tuple[str, ...] = ()
-    if recording is None:
-        left = raw[[entry.name for entry in entries if not entry.column]]
-        begin = tuple(first_map(ship, left, raw.attrs.get("units", {}), have))
+    left = raw[[entry.name for entry in entries if not entry.column]]
+    begin = tuple(first_map(ship, left, raw.attrs.get("units", {}), have))
+    if recording is not None and not any(line.startswith('"') for line in begin):
+        begin = ()
     return Survey(
         path, entries, absent, recording, refused, layout.words() if layout else "", begin
     )
