@@ -43,9 +43,10 @@ def check(
 
     Nothing is diagnosed: each column of the file with the canonical column that it is taken for, its
     range, its noise and its missing values; how the file was read and what was mended; what was left
-    out; and for each measurement that is not there, what cannot be told without it. Where the recording
-    cannot be used, the reason is said, with the line of the column map that mends it if there is one, a
-    column map to begin with is guessed (`--draft` writes it), and the exit code is 2.
+    out; and for each measurement that is not there, what cannot be told without it. Remarks name
+    channels that look rectified, early, late or quantised. Where the recording cannot be used, the
+    reason is said, with the line of the column map that mends it if there is one, a column map to begin
+    with is guessed (`--draft` writes it), and the exit code is 2.
 
     Examples:
         shaftline check voyage.csv --ship frigate --draft logger.toml

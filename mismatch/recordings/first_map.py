@@ -31,6 +31,7 @@ from .logger_names import DUTY, LoggerName, rank, stated_units
 from .sources import PERCENT
 
 _SURELY_MOVES = 0.1  # share of a voltage's size over which one that drives a motor moves
+_EITHER_WAY = 0.1  # share of the greatest value that one which reverses has the other way
 _OPTIONAL = ("inflow_velocity_m_s", "fuel_flow_kg_s", "propeller_submergence_m", RUDDER_COMMAND)
 
 
@@ -69,6 +70,7 @@ def first_map(
     if not ship.moves:
         foreign |= {"ship_speed_m_s"}
     missing = [c for c in wanted if c not in taken and c not in foreign]
+    left = left.rename(columns=str)
     left = left[[name for name in left if name not in ship.hears]]
     names = stated_units(map(str, left.columns), units)
     if not names or not missing:
@@ -81,7 +83,7 @@ def first_map(
         missing = [c for c in missing if c not in (SHAFT_SPEED, SHAFT_ANGLE) or c in found]
     yield "# a column map to begin with, guessed from names, units and cells"
     yield "[columns]"
-    for column in sorted(found, key=missing.index):
+    for column in sorted(found, key=[*wanted].index):
         choice = found[column]
         yield _line(choice.name, column, choice.guess)
         if choice.rivals:
@@ -101,6 +103,11 @@ def _by_name(
     """Choose the columns of the file whose names fit, the surest name for each canonical column."""
     drive = drive_column(ship)
     ordered = {drive, "pitch_ratio_command", RUDDER_COMMAND}
+    reverses = any(
+        rank(split, column, ship, False) is not None and _reverses(_numbers(left[name]))
+        for name, split in names.items()
+        for column in (SHAFT_SPEED, "thrust_N", "shaft_torque_N_m")
+    )
     fits: dict[str, list[tuple[tuple[float, ...], str, Guess]]] = {}
     for column in missing:
         for name, split in names.items():
@@ -108,7 +115,9 @@ def _by_name(
             values = _numbers(left[name])
             if column != TIME and len(values) < len(left) / 2:  # words, such as the source of a speed
                 continue
-            guess = None if place is None else guess_unit(split, column, ship, values, left[name])
+            guess = None if place is None else guess_unit(
+                split, column, ship, values, left[name], reverses
+            )
             if place is None or guess is None:
                 continue
             # one that an order says of itself comes after what was measured, for a speed that is held
@@ -212,6 +221,14 @@ def _stands(values: NDArray[np.float64]) -> bool:
         return False
     size = float(np.abs(values).max())
     return bool(np.ptp(values) < _SURELY_MOVES * size) or math.isclose(size, 0.0)
+
+
+def _reverses(values: NDArray[np.float64]) -> bool:
+    """Whether values reach either side of zero."""
+    if len(values) == 0:
+        return False
+    low, high = float(values.min()), float(values.max())
+    return min(-low, high) > _EITHER_WAY * max(-low, high)
 
 
 def is_stamps(values: pd.Series) -> bool:

@@ -45,6 +45,7 @@ def guess_unit(
     ship: Ship,
     values: NDArray[np.float64],
     cells: pd.Series | None = None,
+    reverses: bool = False,
 ) -> Guess | None:
     """Return the unit of a column of the file if it is a canonical one; None if it cannot be.
 
@@ -54,13 +55,15 @@ def guess_unit(
         ship: the nominal ship, whose ranges tell units apart that no name states.
         values: its finite numbers, (m,).
         cells: as read, for a time in text.
+        reverses: whether another column of the file says that the shaft turns either way.
     """
     stated = name.unit_as(column)
     if column == TIME:
         return _time(stated, values, cells)
     is_opening = stated in PERCENT or bool(DUTY & {*name.words})
     if column == drive_column(ship) and column != SHAFT_SPEED and is_opening:
-        found = _opening(stated, values, float(ship.record()["drive_max"]), BOUNDS[column][2])
+        top = float(ship.record()["drive_max"])
+        found = _opening(stated, values, top, BOUNDS[column][2], reverses)
         if found is not None:
             return found
     if not stated:
@@ -105,7 +108,9 @@ def _repeats(values: NDArray[np.float64]) -> bool:
     return len(values) > 1 and bool((np.diff(values) == 0.0).any())
 
 
-def _opening(stated: str, values: NDArray[np.float64], top: float, unit: str) -> Guess | None:
+def _opening(
+    stated: str, values: NDArray[np.float64], top: float, unit: str, reverses: bool
+) -> Guess | None:
     """Return the guess for a command that says how far a drive is opened: pulse, share or per cent.
 
     Args:
@@ -113,6 +118,7 @@ def _opening(stated: str, values: NDArray[np.float64], top: float, unit: str) ->
         values: finite numbers, (m,).
         top: the drive's end stop, in ``unit``.
         unit: canonical unit of the drive.
+        reverses: whether another column of the file says that the shaft turns either way.
     """
     if len(values) == 0:
         return None
@@ -122,15 +128,14 @@ def _opening(stated: str, values: NDArray[np.float64], top: float, unit: str) ->
     if stated not in ("", "-", "us", "µs", "μs"):
         return None
     if low >= _PULSE_US[0] and high <= _PULSE_US[1]:
-        if low < _NEUTRAL_US - _SPAN_US and abs(values[0] - _NEUTRAL_US) < _SPAN_US:
-            return Guess(
-                PERCENT_OF_RANGE, ("scale = 0.2", "offset = -300"),
-                "a pulse in us: 1500 taken for rest, 1000 and 2000 for the ends",
-            )  # fmt: skip
-        return Guess(
-            PERCENT_OF_RANGE, ("scale = 0.1", "offset = -100"),
-            "a pulse in us: 1000 taken for rest and 2000 for full",
-        )  # fmt: skip
+        rests = abs(values[0] - _NEUTRAL_US) < _SPAN_US
+        if low < _NEUTRAL_US - _SPAN_US and (reverses or rests):
+            said = "a pulse in us: 1500 taken for rest, 1000 and 2000 for the ends; one way otherwise: "
+            more = ("scale = 0.2", "offset = -300")
+            return Guess(PERCENT_OF_RANGE, more, f"{said}scale = 0.1, offset = -100")
+        said = "a pulse in us: 1000 taken for rest and 2000 for full; with reversals otherwise: "
+        more = ("scale = 0.1", "offset = -100")
+        return Guess(PERCENT_OF_RANGE, more, f"{said}scale = 0.2, offset = -300")
     if max(-low, high) <= 1.0:
         return Guess(PERCENT_OF_RANGE, ("scale = 100",), "unit not stated; 1 taken for full")
     if 1.0 < _LEAST_OPENING * top <= max(-low, high) <= min(top, _SMALL_OPENING):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.typing import NDArray
 
 from shaftline.mismatch.recordings.load import load_recording
 from shaftline.mismatch.recordings.noise import Noise
@@ -43,9 +44,9 @@ def said(table: pd.DataFrame, ship: Ship) -> list[str]:
     return list(remarks(load_recording(table, ship), ship))
 
 
-def late(values: pd.Series, rows: float) -> np.ndarray:
+def late(values: pd.Series, rows: float) -> NDArray[np.float64]:
     at = np.arange(len(values), dtype=float)
-    return np.interp(at - rows, at, values)
+    return np.asarray(np.interp(at - rows, at, values))
 
 
 def test_nothing_is_odd_in_a_good_recording(bench: pd.DataFrame, rov: Ship, frigate: Ship) -> None:
