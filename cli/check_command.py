@@ -43,9 +43,10 @@ def check(
 
     Nothing is diagnosed: each column of the file with the canonical column that it is taken for, its
     range, its noise and its missing values; how the file was read and what was mended; what was left
-    out; and for each measurement that is not there, what cannot be told without it. Where the recording
-    cannot be used, the reason is said, with the line of the column map that mends it if there is one, a
-    column map to begin with is guessed (`--draft` writes it), and the exit code is 2.
+    out; and for each measurement that is not there, what cannot be told without it. Remarks name
+    channels that look rectified, early, late or quantised. Where the recording cannot be used, the
+    reason is said, with the line of the column map that mends it if there is one, a column map to begin
+    with is guessed (`--draft` writes it), and the exit code is 2.
 
     Examples:
         shaftline check voyage.csv --ship frigate --draft logger.toml
@@ -75,6 +76,8 @@ def check(
         if draft is not None and found.begin:
             write_text(draft, "\n".join(found.begin) + "\n")
             say(f"column map to complete: {draft}")
+            if columns is not None:
+                say(f"it holds what {columns} leaves open; copy its lines there")
         elif draft is not None:
             say("no column map is needed, or nothing is known for one; none was written")
         if found.recording is None:

@@ -16,7 +16,7 @@ from ...plant.columns import BOUNDS, SHAFT_ANGLE, answered_columns, drive_column
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .loading import loaded
-from .noise import Noise, clipped, frozen
+from .noise import Noise
 from .slips import HELMS, demands, ranges_of
 
 TOO_SHORT = "too short"
@@ -136,8 +136,8 @@ def pitch_swapped(table: pd.DataFrame, interval_s: float, ship: Ship) -> bool:
     return bool(backward < _FOLLOWS * forward)
 
 
-def at_rest(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> Iterator[str]:
-    """Warnings on channels that rest: at the drive's end stop, at a sensor's limit, or frozen."""
+def at_end_stop(table: pd.DataFrame, ship: Ship) -> Iterator[str]:
+    """Yield warnings on commands that are at or beyond the ship's end stops."""
     drive, stop = drive_column(ship), float(ship.record()["drive_max"])
     at_stop = float((table[drive].abs() >= stop).mean())
     if at_stop > 0.0:
@@ -149,16 +149,4 @@ def at_rest(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> Iter
             yield (
                 f"pitch_ratio_command lies outside the ship's {low:g} to {high:g} in {beyond:.0%} of "
                 "the rows, where the plant holds its limit: is it another unit?"
-            )
-    for column in (c for c in noise if c not in demands(ship, table)):
-        for end, share, row in clipped(table[column].to_numpy(), noise[column]):
-            yield (
-                f"{column} stands at its extreme {end:g} {BOUNDS[column][2]} in {share:.0%} of the "
-                f"rows, first in row {row + 1}: the sensor or its logger is saturated"
-            )
-        row, length = frozen(table[column].to_numpy(), noise[column])
-        if length:
-            yield (
-                f"{column} does not change for {length} rows from row {row + 1}, although its noise "
-                "moves it elsewhere: the sensor or its logger stood still"
             )

@@ -2,50 +2,56 @@
 
 from __future__ import annotations
 
-import re
+import json
+import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ...plant import Ship
 from ...plant.columns import (
     BOUNDS,
+    COLUMNS,
+    RUDDER,
+    RUDDER_COMMAND,
+    SHAFT_ANGLE,
     SHAFT_SPEED,
     TIME,
     answered_columns,
+    drive_column,
     foreign_columns,
     input_columns,
 )
-from .sources import PERCENT, PERCENT_OF_RANGE, Source
+from .guessed_units import Guess, guess_unit
+from .logger_names import DUTY, LoggerName, rank, stated_units
+from .sources import PERCENT
 
-_WORDS = {
-    TIME: ("time", "date", "stamp", "clock"),
-    "fuel_rack_mm": ("fuel rack", "rack", "fuel index", "index"),
-    "motor_voltage_V": ("voltage",),
-    "pitch_ratio_command": ("pitch order", "pitch set", "pitch command", "pitch demand"),
-    "pitch_ratio": ("pitch", "p/d"),
-    SHAFT_SPEED: ("shaft speed", "rpm", "rev"),
-    "shaft_torque_N_m": ("torque",),
-    "thrust_N": ("thrust",),
-    "ship_speed_m_s": ("ship speed", "stw", "log", "speed through"),
-    "rudder_rad": ("rudder",),
-    "heading_rad": ("heading",),
-}  # fmt: skip
-"""What loggers call a column, the surest first."""
+_SURELY_MOVES = 0.1  # share of a voltage's size over which one that drives a motor moves
+_EITHER_WAY = 0.1  # share of the greatest value that one which reverses has the other way
+_OPTIONAL = ("inflow_velocity_m_s", "fuel_flow_kg_s", "propeller_submergence_m", RUDDER_COMMAND)
 
-_TURNS = dict.fromkeys(("1/min", "min-1", "min^-1", "r/min", "U/min"), "rpm") | dict.fromkeys(
-    ("1/s", "s-1", "Hz"), "rps"
-)
-"""How loggers write revolutions; a map has to say that it is they that are counted."""
+
+@dataclass
+class _Choice:
+    """What was chosen for a canonical column, and what fits it too."""
+
+    name: str
+    guess: Guess
+    rivals: list[str] = field(default_factory=list)
 
 
 def first_map(
     ship: Ship, left: pd.DataFrame, units: Mapping[str, str], taken: set[str]
 ) -> Iterator[str]:
-    """Lines of a column map; what cannot be guessed stands there as a comment to be filled in.
+    """Yield the lines of a column map; what cannot be guessed is a comment to be filled in.
 
-    By the name, else by the unit where only one column of the file and one of the ship have its kind,
-    and the time by its stamps.
+    A column is guessed from its name, else from its unit where only one column of the file and one of
+    the ship have that kind of unit, and the time from its stamps. Columns of the file that compete for a
+    canonical column, and units that no name states, are said in comments.
 
     Args:
         ship: the nominal ship.
@@ -54,70 +60,178 @@ def first_map(
         taken: canonical columns that the file has.
     """
     foreign = foreign_columns(ship)
-    wanted = dict.fromkeys([*input_columns(ship), SHAFT_SPEED, *answered_columns(ship)])
+    wanted = dict.fromkeys([*input_columns(ship), SHAFT_SPEED, *answered_columns(ship), *_OPTIONAL])
     if not ship.has_variable_pitch:
-        foreign.add("pitch_ratio")
+        foreign |= {"pitch_ratio"}
+    if not ship.has_propeller:
+        foreign |= {"inflow_velocity_m_s", "propeller_submergence_m"}
+    if not ship.has_diesel:
+        foreign |= {"fuel_flow_kg_s"}
+    if not ship.moves:
+        foreign |= {"ship_speed_m_s"}
     missing = [c for c in wanted if c not in taken and c not in foreign]
-    stated = {name: units.get(name) or _in_brackets(name) for name in map(str, left.columns)}
-    found: dict[str, str] = {}
-    for column in [c for c in _WORDS if c in missing]:
-        for word in _WORDS[column]:
-            fits = [n for n in stated if n not in found and word in n.lower()]
-            fits = fits or [n for n in stated if (column, n.split()[0].lower()) == (TIME, "t")]
-            if fits:
-                found[fits[0]] = column
-                break
-    for name in [n for n in stated if n not in found]:
-        if TIME in missing and TIME not in found.values() and _is_stamps(left[name]):
-            found[name] = TIME
-    counted = [n for n in stated if _unit(SHAFT_SPEED, stated[n]).lower() in ("rpm", "rps")]
-    if SHAFT_SPEED in missing and SHAFT_SPEED not in found.values() and len(counted) == 1:
-        found.setdefault(counted[0], SHAFT_SPEED)
-    open_names = [n for n in stated if n not in found and stated[n] not in ("", "-", *PERCENT)]
-    open_columns = [c for c in missing if c not in found.values()]
-    for name in open_names:
-        kinds = [c for c in open_columns if _turns_into(stated[name], c)]
-        rivals = [n for n in open_names if kinds and _turns_into(stated[n], kinds[0])]
-        if len(kinds) == len(rivals) == 1:
-            found[name] = kinds[0]
-    if not stated or not missing:
+    left = left.rename(columns=str)
+    left = left[[name for name in left if name not in ship.hears]]
+    names = stated_units(map(str, left.columns), units)
+    if not names or not missing:
         return
+    found = _by_name(ship, left, names, missing)
+    _by_cells(ship, left, names, missing, found)
+    if RUDDER in found or RUDDER in taken:  # either may order the rudder
+        missing = [c for c in missing if c != RUDDER_COMMAND]
+    if taken & {SHAFT_SPEED, SHAFT_ANGLE} or {SHAFT_SPEED, SHAFT_ANGLE} & {*found}:
+        missing = [c for c in missing if c not in (SHAFT_SPEED, SHAFT_ANGLE) or c in found]
     yield "# a column map to begin with, guessed from names, units and cells"
     yield "[columns]"
-    for name, column in sorted(found.items(), key=lambda pair: missing.index(pair[1])):
-        yield f'"{name}" = {{ column = "{column}", unit = "{_unit(column, stated[name])}" }}'
-    still = [f"{c} [{BOUNDS[c][2]}]" for c in missing if c not in found.values()]
-    others = [name for name in stated if name not in found]
+    for column in sorted(found, key=[*wanted].index):
+        choice = found[column]
+        yield _line(choice.name, column, choice.guess)
+        if choice.rivals:
+            yield f"# also possible as {column}: {', '.join(choice.rivals)}"
+    chosen = {choice.name for choice in found.values()}
+    still = [f"{c} [{BOUNDS[c][2]}]" for c in missing if c not in found and c not in _OPTIONAL]
+    others = [name for name in names if name not in chosen]
     if still and others:
         yield f"# not found yet: {', '.join(still)}"
-        yield from (f'# "{n}" = {{ column = "?", unit = "{stated[n] or "?"}" }}' for n in others)
+        for name in others:
+            yield f'# {_quoted(name)} = {{ column = "?", unit = "{names[name].unit or "?"}" }}'
 
 
-def _in_brackets(name: str) -> str:
-    """The unit that a name ends with, as in ``speed [m/s]``; empty where there is none."""
-    found = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
-    return found.group(1).strip() if found else ""
+def _by_name(
+    ship: Ship, left: pd.DataFrame, names: Mapping[str, LoggerName], missing: list[str]
+) -> dict[str, _Choice]:
+    """Choose the columns of the file whose names fit, the surest name for each canonical column."""
+    drive = drive_column(ship)
+    ordered = {drive, "pitch_ratio_command", RUDDER_COMMAND}
+    reverses = any(
+        rank(split, column, ship, False) is not None and _reverses(_numbers(left[name]))
+        for name, split in names.items()
+        for column in (SHAFT_SPEED, "thrust_N", "shaft_torque_N_m")
+    )
+    fits: dict[str, list[tuple[tuple[float, ...], str, Guess]]] = {}
+    for column in missing:
+        for name, split in names.items():
+            place = rank(split, column, ship, column in ordered)
+            values = _numbers(left[name])
+            if column != TIME and len(values) < len(left) / 2:  # words, such as the source of a speed
+                continue
+            guess = None if place is None else guess_unit(
+                split, column, ship, values, left[name], reverses
+            )
+            if place is None or guess is None:
+                continue
+            # one that an order says of itself comes after what was measured, for a speed that is held
+            late = split.is_command and column == SHAFT_SPEED
+            still = column == "motor_voltage_V" and not DUTY & {*split.words} and _stands(values)
+            fits.setdefault(column, []).append(((late, still, *place), name, guess))
+    if SHAFT_SPEED in fits or SHAFT_SPEED not in missing:
+        fits.pop(SHAFT_ANGLE, None)  # a second witness of the speed, whose turns may begin anew
+    found: dict[str, _Choice] = {}
+    taken: set[str] = set()
+    for column in sorted(fits, key=lambda c: (c not in ordered, COLUMNS.index(c))):
+        free = [fit for fit in sorted(fits[column], key=lambda fit: fit[0]) if fit[1] not in taken]
+        better = [fit for fit in free if not _belongs_elsewhere(fit, column, fits)]
+        if not (better or free):
+            continue
+        _, name, guess = (better or free)[0]
+        rivals = [f"{_quoted(n)} ({names[n].unit or 'no unit'})" for _, n, _ in free if n != name]
+        found[column] = _Choice(name, guess, rivals)
+        taken.add(name)
+    for column, choice in found.items():  # what became another canonical column competes no more
+        own = {_quoted(other.name) for key, other in found.items() if key != column}
+        choice.rivals = [r for r in choice.rivals if r.rpartition(" (")[0] not in own]
+    return found
 
 
-def _unit(column: str, stated: str) -> str:
-    if column == TIME:
-        return stated if stated in ("s", "min", "h", "ms") else "datetime"
-    if column == SHAFT_SPEED:
-        return _TURNS.get(stated, stated or "?")
-    return PERCENT_OF_RANGE if stated == "%" else stated or "?"
+def _belongs_elsewhere(
+    fit: tuple[tuple[float, ...], str, Guess],
+    column: str,
+    fits: Mapping[str, list[tuple[tuple[float, ...], str, Guess]]],
+) -> bool:
+    """Whether another canonical column is nearer to a name, by the words that a phrase leaves."""
+    return any(
+        other[1] == fit[1] and other[0][-1] < fit[0][-1]
+        for key, those in fits.items()
+        if key != column
+        for other in those
+    )
 
 
-def _turns_into(unit: str, column: str) -> bool:
-    if column == TIME and unit not in ("s", "min", "h", "ms"):
+def _by_cells(
+    ship: Ship,
+    left: pd.DataFrame,
+    names: Mapping[str, LoggerName],
+    missing: list[str],
+    found: dict[str, _Choice],
+) -> None:
+    """Add what stamps and units say alone."""
+    chosen = {choice.name for choice in found.values()}
+    for name in (n for n in names if n not in chosen):
+        if TIME in missing and TIME not in found and is_stamps(left[name]):
+            found[TIME] = _Choice(name, Guess("datetime"))
+            chosen.add(name)
+    counted = [n for n in names if n not in chosen and _counts_turns(names[n])]
+    if SHAFT_SPEED in missing and SHAFT_SPEED not in found and len(counted) == 1:
+        guess = guess_unit(names[counted[0]], SHAFT_SPEED, ship, _numbers(left[counted[0]]))
+        if guess is not None:
+            found[SHAFT_SPEED] = _Choice(counted[0], guess)
+            chosen.add(counted[0])
+    rest = [n for n in names if n not in chosen and names[n].unit not in ("", "-", *PERCENT)]
+    columns = [c for c in missing if c not in found and c not in _OPTIONAL]
+
+    def kinds(name: str) -> list[str]:
+        return [c for c in columns if guess_unit(names[name], c, ship, _numbers(left[name]))]
+
+    fitting = {name: kinds(name) for name in rest}
+    for name in rest:
+        if len(fitting[name]) != 1:
+            continue
+        (column,) = fitting[name]
+        if sum(column in those for those in fitting.values()) == 1:
+            guess = guess_unit(names[name], column, ship, _numbers(left[name]))
+            assert guess is not None
+            found[column] = _Choice(name, Guess(guess.unit, guess.more, "guessed from the unit alone"))
+
+
+def _line(name: str, column: str, guess: Guess) -> str:
+    """Return the line of a map, with a comment where the unit is not sure."""
+    parts = [f'column = "{column}"', f'unit = "{guess.unit}"', *guess.more]
+    said = f"  # {guess.doubt}" if guess.doubt else ""
+    return f"{_quoted(name)} = {{ {', '.join(parts)} }}{said}"
+
+
+def _quoted(name: str) -> str:
+    """Return a name as a TOML string."""
+    return json.dumps(name, ensure_ascii=False)
+
+
+def _counts_turns(name: LoggerName) -> bool:
+    return name.unit.lower() in ("rpm", "rps", "1/min", "min-1", "min^-1", "r/min", "u/min", "1/s", "hz")
+
+
+def _numbers(values: pd.Series) -> NDArray[np.float64]:
+    """Return the finite numbers of a column, (m,)."""
+    numbers: NDArray[Any] = pd.to_numeric(values, errors="coerce").to_numpy(dtype=np.float64)
+    return np.asarray(numbers[np.isfinite(numbers)])
+
+
+def _stands(values: NDArray[np.float64]) -> bool:
+    """Whether a voltage hardly moves, as that of a supply."""
+    if len(values) < 2:
         return False
-    try:
-        Source(column=column, unit=_unit(column, unit))
-    except ValueError:
+    size = float(np.abs(values).max())
+    return bool(np.ptp(values) < _SURELY_MOVES * size) or math.isclose(size, 0.0)
+
+
+def _reverses(values: NDArray[np.float64]) -> bool:
+    """Whether values reach either side of zero."""
+    if len(values) == 0:
         return False
-    return True
+    low, high = float(values.min()), float(values.max())
+    return min(-low, high) > _EITHER_WAY * max(-low, high)
 
 
-def _is_stamps(values: pd.Series) -> bool:
+def is_stamps(values: pd.Series) -> bool:
     """Whether most cells are text with a time of day in it."""
     if pd.api.types.is_numeric_dtype(values):
         return False

@@ -28,7 +28,7 @@ from ...plant.recording import RecordingError, as_numbers, check_bounds, read_ta
 from ...plant.ship import Ship
 from ...plant.terms import OF_A_TURN
 from .checks import (
-    at_rest,
+    at_end_stop,
     dull,
     pitch_swapped,
     refuse_complex,
@@ -39,6 +39,7 @@ from .columns import load_map
 from .noise import Noise, describe, describe_command
 from .slips import demands, impossible_demands, ranges_of
 from .spikes import without_spikes
+from .standing import standing
 from .time_base import filled, on_even_time, spread, with_seconds
 from .yardstick import Yardstick
 
@@ -166,7 +167,7 @@ def load_recording(
     warnings += mended
     refuse_wrapped(path, table)
     interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
-    _refuse_slips(path, table, interval, ship)
+    yardstick = _refuse_slips(path, table, interval, ship)
     check_bounds(path, table)
     commands = demands(ship, table)
     noise = {
@@ -174,7 +175,7 @@ def load_recording(
         for c in table
         if c != TIME and c not in heard
     }
-    warnings += at_rest(table, ship, noise)
+    warnings += [*at_end_stop(table, ship), *standing(table, ship, noise, yardstick.sailed)]
     limits = (*too_short([table], interval, ship), *dull(table, ship, noise))
     return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard)
 
@@ -228,7 +229,8 @@ def read_mapped(
     return mapped, units
 
 
-def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> None:
+def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> Yardstick:
+    """Return the reference simulation; raise a RecordingError where units, signs or names are wrong."""
     yardstick = Yardstick(ship, table, interval)
     pair = yardstick.swapped()
     impossible = list(impossible_demands(table, ship))
@@ -248,6 +250,7 @@ def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) 
         raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in slips))
     if yardstick.diverges:
         raise RecordingError(f"{path}: this ship cannot be driven by it: {yardstick.diverges}")
+    return yardstick
 
 
 def fetch(

@@ -163,13 +163,18 @@ def clipped(values: NDArray[Any], noise: Noise) -> list[tuple[float, float, int]
     return found
 
 
+def odd_rests(values: NDArray[Any], noise: Noise) -> list[tuple[int, int]]:
+    """Return first sample and length of the rests of a noisy channel that its noise does not explain."""
+    if _is_still(values, noise):
+        return []
+    first, lengths = _rests(values)
+    odd = _odd(lengths)
+    return [(int(a), int(n)) for a, n in zip(first[odd], lengths[odd], strict=True)]
+
+
 def frozen(values: NDArray[Any], noise: Noise) -> tuple[int, int]:
     """First sample and length of the longest rest of a noisy channel; (0, 0) if none is odd."""
-    if _is_still(values, noise):
-        return 0, 0
-    first, lengths = _rests(values)
-    longest = int(np.argmax(lengths))
-    return (int(first[longest]), int(lengths[longest])) if _odd(lengths)[longest] else (0, 0)
+    return max(odd_rests(values, noise), key=lambda rest: rest[1], default=(0, 0))
 
 
 def _is_still(values: NDArray[Any], noise: Noise) -> bool:

@@ -18,6 +18,7 @@ from .columns import load_map
 from .first_map import first_map
 from .joint import refuse_few
 from .load import OUTSIDE, Recording, load_recording
+from .remarks import remarks
 from .sources import Heard, Source
 
 COSTS = {
@@ -64,7 +65,8 @@ class Survey:
         recording: as it would be diagnosed; None where it is refused.
         refused: why, a line each.
         layout: how the file was read, where that is not plain.
-        begin: lines of a column map to begin with, where it is refused.
+        begin: lines of a column map to begin with; none where nothing is left to be understood.
+        remarks: what is odd in a recording that can be used; the data are not changed.
     """
 
     path: Path
@@ -74,6 +76,7 @@ class Survey:
     refused: str = ""
     layout: str = ""
     begin: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def sentences(self) -> Iterator[str]:
         """Everything besides the table of the columns."""
@@ -84,6 +87,7 @@ class Survey:
             )
             yield from (f"note: {said}" for said in found.warnings)
             yield from (f"limit: {said}" for said in found.limits)
+            yield from (f"remark: {said}" for said in self.remarks)
         elif self.layout:
             yield f"note: read as a table with {self.layout}"
         left = [entry.name for entry in self.entries if not entry.column]
@@ -152,12 +156,13 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     absent = {c: COSTS[c] for c in wanted}
     absent |= {c: "the ship cannot be driven" for c in input_columns(ship) if c not in have}
     layout = raw.attrs.get("layout")
-    begin: tuple[str, ...] = ()
-    if recording is None:
-        left = raw[[entry.name for entry in entries if not entry.column]]
-        begin = tuple(first_map(ship, left, raw.attrs.get("units", {}), have))
+    left = raw[[entry.name for entry in entries if not entry.column]]
+    begin = tuple(first_map(ship, left, raw.attrs.get("units", {}), have))
+    if recording is not None and not any(line.startswith('"') for line in begin):
+        begin = ()
+    odd = () if recording is None else tuple(remarks(recording, ship))
     return Survey(
-        path, entries, absent, recording, refused, layout.words() if layout else "", begin
+        path, entries, absent, recording, refused, layout.words() if layout else "", begin, odd
     )
 
 

@@ -24,7 +24,7 @@ from ...plant.recording import RecordingError
 from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
 from ...plant.validity import ValidityWarning
-from .noise import describe, frozen
+from .rectified import rectified_remark
 from .slips import (
     Slip,
     by_a_factor,
@@ -35,6 +35,7 @@ from .slips import (
     slips_of,
     top_speed,
 )
+from .standing import dead_channels
 
 _STEPS = 200_000  # of integration; more of a recording is not needed to tell its units
 _HONEST = 0.3  # relative rms difference up to which no other unit is looked for
@@ -45,10 +46,6 @@ _BETTER = 0.5  # a slip must reduce the difference to this share
 _APART = 3.0  # times, from which no level is this ship's
 _STRANGE = 2  # channels that far apart
 _LEVELS = (SHAFT_SPEED, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N")
-_STANDS = 0.02  # share of what it would have moved, by which a shaft that stood still goes on
-_USUAL = 0.8  # quantile of a channel's steps from row to row that such a shaft takes at first
-_STOPPED = 0.1  # share of the rows over which a noisy channel may rest; less is warned of
-_MUST = 0.05  # share of a channel's size by which the ship moves it where a rest is no calm
 _MAGNITUDES = 30.0  # factor from which a channel that follows the ship is in another unit
 _RETOLD = 2.0  # |ln factor| from which no effect looks like a demand in another unit
 
@@ -220,6 +217,8 @@ class Yardstick:
             if off <= _HONEST:
                 continue
             found = self._explaining(column, column, slips_of(column, self.ship))
+            if found and rectified_remark(self.table, self.sailed, column, self._drive, 0.0):
+                found = [slip for slip in found if slip.factor > 0.0]  # the sign is lost, not turned
             if found := found or self._magnitudes_apart(column):
                 yield self._sentence(column, found)
 
@@ -265,50 +264,9 @@ class Yardstick:
             expected = f"takes {range_of(column, self.ship)}"
         return looks_like(column, slips, found, expected)
 
-    def _sticks(self, column: str, first: int, end: int, moves: float) -> bool:
-        """Whether a shaft may have stood still, held by its friction, while a channel did not move.
-
-        Then it goes on from where it stood. A sensor that was dead for a while reads where the shaft has
-        come to meanwhile.
-
-        Args:
-            column: the channel.
-            first: row from which it is constant.
-            end: one past the last.
-            moves: over how much the ship without friction moves there, in the channel's unit.
-        """
-        values = self.table[column].to_numpy()
-        if self.ship.has_diesel or not 0 < end < len(values):
-            return False
-        if column == SHAFT_SPEED and abs(values[first]) > _STANDS * np.abs(values).max():
-            return False
-        jump, steps = abs(values[end] - values[first]), np.abs(np.diff(values))
-        usual = float(np.quantile(steps[steps > 0.0], _USUAL))
-        goes_on = jump <= max(usual, _STANDS * moves) and jump <= _NAMED * moves
-        return goes_on and column in (SHAFT_SPEED, SHAFT_ANGLE)
-
     def dead(self) -> Iterator[str]:
         """Sentences on measured channels that do not move, ever or for long, although the ship must."""
-        for column in self.off:
-            values = self.table[column].to_numpy()
-            first, length = 0, len(values)
-            if np.ptp(values) > 0.0:
-                first, length = frozen(values, describe(values, self._interval_s))
-            assert self.sailed is not None
-            there = self.sailed[column].to_numpy()
-            moves = float(np.ptp(there[first : first + length])) if length else 0.0
-            if length <= _STOPPED * len(values) or moves <= _MUST * float(np.max(np.abs(there))):
-                continue
-            if self._sticks(column, first, first + length, moves):
-                continue
-            unit = BOUNDS[column][2]
-            where = f"constant at {values[first]:g} {unit} in every row"
-            mend = "leave the column out or mend it"
-            if length < len(values):
-                last = first + length
-                where = f"constant at {values[first]:g} {unit} from row {first + 1} to {last}"
-                mend = "leave the column out or cut the recording there"
-            yield (
-                f"{column} is {where}, where this ship moves over {moves:.3g} {unit} with these "
-                f"demands: a dead sensor or a stopped logger; {mend}"
+        if self.sailed is not None and self.off:
+            yield from dead_channels(
+                self.table, self.ship, self.sailed[[*self.off]], self._interval_s
             )

@@ -106,3 +106,31 @@ def test_a_draft_of_the_column_map_is_written_once(shaftline: Command, tmp_path:
     assert again.exit_code == 2
     assert "replaces no map of yours" in again.output
     assert draft.read_text() == "mine"
+
+
+def test_a_draft_for_another_logger_works_as_it_is_written(
+    shaftline: Command, tmp_path: Path
+) -> None:
+    table = voyage(load_ship("frigate"))
+    table["shaft_torque_N_m"] = table["shaft_torque_N_m"].shift(6).bfill()
+    names = {"time_s": "t", "fuel_rack_mm": "rackPosition_mm", "pitch_ratio_command": "pitch_cmd",
+             "pitch_ratio": "pitchMeasured", "shaft_torque_N_m": "Torque (N·m)",
+             "ship_speed_m_s": "speedWater"}  # fmt: skip
+    table["propShaft.rpm"] = 9.5493 * table.pop("shaft_speed_rad_s")
+    table.rename(columns=names).to_csv(tmp_path / "log.csv", index=False)
+    draft = tmp_path / "map.toml"
+    ask = ["check", tmp_path / "log.csv", "--ship", "frigate"]
+    assert shaftline(*ask, "--draft", draft).exit_code == 2
+    found = shaftline(*ask, "--columns", draft)
+    assert found.exit_code == 0, found.output
+    said = " ".join(found.output.split())
+    assert "remark: shaft_torque_N_m lags the simulation by 0.6" in said
+    text = draft.read_text(encoding="utf-8")
+    assert '"propShaft.rpm" = { column = "shaft_speed_rad_s", unit = "rpm" }\n' in text
+    assert "# unit not stated: m/s taken; knot is as common" in text
+    open_map = text.replace('"speedWater"', '# "speedWater"')
+    (tmp_path / "part.toml").write_text(open_map, encoding="utf-8")
+    more = shaftline(*ask, "--columns", tmp_path / "part.toml", "--draft", tmp_path / "more.toml")
+    assert more.exit_code == 0, more.output
+    assert "leaves open; copy its lines there" in " ".join(more.output.split())
+    assert '"speedWater" = { column = "ship_speed_m_s"' in (tmp_path / "more.toml").read_text()

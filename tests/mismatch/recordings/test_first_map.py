@@ -11,7 +11,7 @@ import pytest
 from shaftline.mismatch.recordings.first_map import first_map
 from shaftline.plant import load_ship
 
-BENCH = {"Uhrzeit": "", "Spannung": "V", "Drehzahl": "1/min", "Schub": "N", "Moment": "Nmm"}
+BENCH = {"Kanal 0": "", "Kanal 1": "V", "Kanal 2": "1/min", "Kanal 3": "N", "Kanal 4": "Nmm"}
 
 
 def guessed(ship: str, units: dict[str, str], **cells: Any) -> tuple[dict[str, Any], list[str]]:
@@ -22,22 +22,22 @@ def guessed(ship: str, units: dict[str, str], **cells: Any) -> tuple[dict[str, A
 
 
 def test_names_that_say_nothing_are_found_by_their_units() -> None:
-    columns, open_ones = guessed("rov-thruster", BENCH, Uhrzeit=["23:59:59,9", "00:00:00,1"])
+    columns, open_ones = guessed("rov-thruster", BENCH, **{"Kanal 0": ["23:59:59,9", "00:00:00,1"]})
     assert columns == {
-        "Uhrzeit": {"column": "time_s", "unit": "datetime"},
-        "Spannung": {"column": "motor_voltage_V", "unit": "V"},
-        "Drehzahl": {"column": "shaft_speed_rad_s", "unit": "rpm"},
-        "Schub": {"column": "thrust_N", "unit": "N"},
-        "Moment": {"column": "shaft_torque_N_m", "unit": "Nmm"},
+        "Kanal 0": {"column": "time_s", "unit": "datetime"},
+        "Kanal 1": {"column": "motor_voltage_V", "unit": "V"},
+        "Kanal 2": {"column": "shaft_speed_rad_s", "unit": "rpm"},
+        "Kanal 3": {"column": "thrust_N", "unit": "N"},
+        "Kanal 4": {"column": "shaft_torque_N_m", "unit": "Nmm"},
     }
     assert open_ones == []
 
 
 def test_what_may_be_two_things_is_left_to_be_filled_in() -> None:
     columns, open_ones = guessed("rov-thruster", BENCH | {"Kraft 2": "kN"})
-    assert "Schub" not in columns
-    assert [line for line in open_ones if "Schub" in line or "Kraft 2" in line] == [
-        '# "Schub" = { column = "?", unit = "N" }', '# "Kraft 2" = { column = "?", unit = "kN" }',
+    assert "Kanal 3" not in columns
+    assert [line for line in open_ones if "Kanal 3" in line or "Kraft 2" in line] == [
+        '# "Kanal 3" = { column = "?", unit = "N" }', '# "Kraft 2" = { column = "?", unit = "kN" }',
     ]  # fmt: skip
     assert "thrust_N [N]" in open_ones[0]
 

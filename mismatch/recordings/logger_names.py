@@ -1,0 +1,277 @@
+"""The names and units that loggers give to the columns of a recording."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ...plant import Ship
+from ...plant.columns import (
+    HEADING,
+    RUDDER,
+    RUDDER_COMMAND,
+    SHAFT_ANGLE,
+    SHAFT_SPEED,
+    SWAY_SPEED,
+    TIME,
+    YAW_RATE,
+)
+
+ANY, RIG, MOVING = "any", "rig", "moving"
+"""Ships that a phrase is for: all, those whose hull is held, those that move."""
+
+PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
+    TIME: (
+        (ANY, ("date time", "time stamp", "time", "t", "zeit", "stamp", "clock", "date", "elapsed")),
+        (ANY, ("secs", "seconds", "sample", "index", "frame", "k")),
+    ),
+    "fuel_rack_mm": (
+        (ANY, ("fuel rack", "rack", "fuel index", "load index", "load indicator", "index")),
+        (ANY, ("governor", "fuel command", "throttle", "lever", "command")),
+    ),
+    "motor_voltage_V": (
+        (ANY, ("motor voltage", "armature voltage", "applied voltage", "motor volt", "motor v")),
+        (ANY, ("voltage", "spannung", "volt", "u", "vir")),
+        (ANY, ("pwm", "duty", "esc", "throttle", "lever", "command")),
+    ),
+    "motor_torque_N_m": (
+        (ANY, ("motor torque", "torque command", "motor force", "force command", "effort command")),
+        (ANY, ("force", "vir", "tau", "effort", "throttle", "lever", "command")),
+    ),
+    "pitch_ratio_command": (
+        (ANY, ("pitch order", "pitch set", "pitch command", "pitch demand", "pitch")),
+    ),
+    "pitch_ratio": ((ANY, ("pitch ratio", "propeller pitch", "pitch", "p d")),),
+    SHAFT_SPEED: (
+        (ANY, ("shaft speed", "propeller speed", "prop speed", "optical speed", "prop n", "shaft rpm")),
+        (ANY, ("propeller rpm", "prop rpm", "shaft velocity", "propeller velocity", "prop velocity")),
+        (ANY, ("motor speed", "motor velocity", "joint velocity", "rotor speed", "engine speed")),
+        (ANY, ("engine rpm", "motor rpm", "electrical speed", "revolutions", "rpm", "rps", "drehzahl")),
+        (ANY, ("omega", "angular velocity", "angular speed", "tacho", "revs", "rev", "n", "w")),
+        (RIG, ("velocity", "speed", "qd", "dq")),
+    ),
+    SHAFT_ANGLE: (
+        (ANY, ("shaft angle", "shaft position", "motor angle", "motor position", "joint position")),
+        (RIG, ("theta", "angle", "position", "qm", "encoder", "q", "phi")),
+    ),
+    "shaft_torque_N_m": (
+        (ANY, ("shaft torque", "propeller torque", "prop torque", "load torque", "torque")),
+        (ANY, ("drehmoment", "moment", "effort", "q")),
+    ),
+    "thrust_N": ((ANY, ("thrust", "schub")),),
+    "motor_current_A": (
+        (ANY, ("motor current", "armature current", "current", "strom", "ampere", "amps", "i")),
+    ),
+    "ship_speed_m_s": (
+        (ANY, ("speed through water", "stw", "water speed", "log speed", "ship speed")),
+        (ANY, ("vessel speed", "boat speed", "hull speed", "surge speed", "surge velocity", "surge")),
+        (MOVING, ("u velo", "u velocity", "vhw speed", "log", "vs", "u")),
+        (MOVING, ("sog", "speed over ground", "ground speed", "vtg speed", "speed")),
+    ),
+    "inflow_velocity_m_s": (
+        (RIG, ("inflow velocity", "inflow speed", "inflow", "airspeed", "air speed", "tunnel speed")),
+        (RIG, ("advance velocity", "advance speed", "flow speed", "flow velocity", "water speed", "va")),
+    ),
+    "fuel_flow_kg_s": ((ANY, ("fuel flow", "fuel rate", "fuel consumption")),),
+    "propeller_submergence_m": ((ANY, ("propeller submergence", "submergence", "immersion")),),
+    RUDDER_COMMAND: ((ANY, ("rudder", "helm", "delta")),),
+    RUDDER: ((ANY, ("rudder angle", "rudder", "rsa", "helm", "delta")),),
+    SWAY_SPEED: ((ANY, ("sway speed", "sway velocity", "sway", "lateral speed", "vm", "v")),),
+    YAW_RATE: ((ANY, ("yaw rate", "rate of turn", "turn rate", "yaw velocity", "rot", "r")),),
+    HEADING: ((ANY, ("heading", "hdt", "hdg", "psi", "yaw")),),
+}  # fmt: skip
+"""Phrases by canonical column, the surest first; all words of a phrase must be in the name."""
+
+DUTY = frozenset({"pwm", "duty", "esc", "throttle", "lever", "command", "governor"})
+"""Words of a command that says how far a drive is opened, not in which unit."""
+
+COMMANDS = frozenset((
+    "order", "ordered", "set", "setpoint", "cmd", "command", "demand", "demanded", "ref",
+    "reference", "target", "goal", "desired",
+))  # fmt: skip
+"""Words of columns that hold what was ordered."""
+_ORDERED = {"cmd": "command", "ordered": "order", "demanded": "demand", "setpoint": "set"}
+
+_QUANTITIES = frozenset((
+    "torque", "speed", "pitch", "rudder", "heading", "thrust", "rpm", "position", "angle", "force",
+    "current", "yaw", "course",
+))  # fmt: skip
+"""Words of a command that is not a drive's opening."""
+
+FOREIGN = frozenset((
+    "wind", "power", "temp", "temperature", "pressure", "vibration", "acceleration", "accel",
+    "acc", "std", "test", "flag", "valid", "status", "mode", "error", "roll", "lat", "lon",
+    "latitude", "longitude", "track", "depth", "energy", "efficiency", "quality", "count",
+))  # fmt: skip
+"""Words of columns that no canonical column is."""
+_NOT_WITH = {
+    "motor_current_A": {"speed", "velocity", "direction"},
+    SHAFT_SPEED: {"air", "airspeed", "water", "ship", "vessel", "boat", "ground", "log", "stw", "sog",
+                  "yaw"},
+    SHAFT_ANGLE: {"x", "y", "z", "rudder", "pitch"},
+    "ship_speed_m_s": {"motor", "shaft", "prop", "propeller", "engine", "rotor", "air", "joint", "yaw"},
+    "shaft_torque_N_m": {"speed"},
+    "pitch_ratio": {"rate"},
+    HEADING: {"rate", "velocity"},
+    TIME: {"constant", "zone", "nsecs", "nanosec", "nsec"},
+}  # fmt: skip
+"""Words that tell a column apart from a canonical one whose phrase its name has."""
+
+UNITS = (
+    {unit: unit for unit in ("s", "ms", "us", "ns", "min", "h", "A", "mA", "V", "mV", "kV", "N", "kN",
+                             "Nmm", "rad", "deg", "rpm", "rps", "Hz", "W", "kW", "mm", "cm", "m")}
+    | dict.fromkeys(("sec", "secs", "seconds"), "s")
+    | dict.fromkeys(("nsec", "nsecs", "nanosec"), "ns")
+    | dict.fromkeys(("msec", "millis"), "ms")
+    | dict.fromkeys(("volt", "volts"), "V")
+    | dict.fromkeys(("amp", "amps"), "A")
+    | dict.fromkeys(("Nm", "N_m"), "N m")
+    | dict.fromkeys(("kNm", "kN_m"), "kN m")
+    | dict.fromkeys(("rad_s", "radps", "rads", "rad_per_s", "rad_sec"), "rad/s")
+    | dict.fromkeys(("deg_s", "degps", "dps", "deg_per_s"), "deg/s")
+    | dict.fromkeys(("m_s", "mps", "m_per_s"), "m/s")
+    | dict.fromkeys(("kn", "kt", "kts", "knot", "knots"), "knot")
+    | dict.fromkeys(("kmh", "km_h", "kph"), "km/h")
+    | dict.fromkeys(("pct", "percent", "perc"), "%")
+    | {"degrees": "deg", "radians": "rad", "hz": "Hz", "kg_s": "kg/s", "newton": "N"}
+)  # fmt: skip
+"""Units by the suffix of a name."""
+_SPELLED = {"kmh": "km/h", "kph": "km/h", "rads": "rad/s", "kts": "knot", "mps": "m/s"}
+"""Units in brackets that are not in the unit registry, or mean something else there."""
+_LONG = 3
+"""Letters from which the case of a unit's suffix does not matter."""
+
+_SIGNAL_K = {"navigation", "propulsion", "steering", "environment"}
+"""Roots of Signal K's paths, whose values are in SI units and Hz."""
+_SIGNAL_K_UNITS = {SHAFT_SPEED: "Hz", "ship_speed_m_s": "m/s", HEADING: "rad", RUDDER: "rad",
+                   YAW_RATE: "rad/s", "shaft_torque_N_m": "N m"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LoggerName:
+    """The name of one column, split.
+
+    Args:
+        name: as in the file.
+        words: all words, in small letters.
+        core: words without those of the unit.
+        unit: stated by the file or by the name; empty where neither does.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    core: tuple[str, ...]
+    unit: str
+
+    @property
+    def is_command(self) -> bool:
+        """Whether the name says that the column was ordered."""
+        return bool(COMMANDS & set(self.words))
+
+    def unit_as(self, column: str) -> str:
+        """Return the unit if the column is a canonical one, by Signal K's convention if need be."""
+        if not self.unit and self.words[0] in _SIGNAL_K:
+            return _SIGNAL_K_UNITS.get(column, "")
+        return self.unit
+
+
+def read_name(name: str, stated: str = "") -> LoggerName:
+    """Split a name into words and a unit.
+
+    Args:
+        name: as in the file.
+        stated: unit that the file states in a row of units; empty or ``-`` where it states none.
+
+    Returns:
+        The name. A bracket that holds a number is an index, and no unit.
+    """
+    bare, unit = name, stated if stated not in ("", "-") else ""
+    bracket = re.search(r"[\[(]([^\])]+)[\])]\s*$", name)
+    if bracket and not bracket[1].strip().isdigit():
+        bare = name[: bracket.start()]
+        unit = unit or _SPELLED.get(bracket[1].strip(), bracket[1].strip())
+    words = _split(bare)
+    core = words
+    parts = [part for part in re.split(r"[^0-9A-Za-zÀ-ÿ°%µμ]+", bare) if part]
+    for length in (3, 2, 1):
+        suffix = _unit_of("_".join(parts[-length:])) if len(parts) >= length else ""
+        if suffix and (len(parts) > length or len(parts[0]) >= _LONG):
+            kept = _split(" ".join(parts[:-length])) or words
+            return LoggerName(name, words or (name.lower(),), kept, unit or suffix)
+    if len(words) > 1 and len(words[-1]) >= _LONG and (suffix := _unit_of(words[-1])):  # camelCase
+        return LoggerName(name, words, words[:-1], unit or suffix)
+    turns = next((word for word in words if word in ("rpm", "rps")), "")
+    return LoggerName(name, words or (name.lower(),), core or (name.lower(),), unit or turns)
+
+
+def _split(name: str) -> tuple[str, ...]:
+    """Return the words of a name: at signs, at digits, and where capitals begin."""
+    spaced = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+    words = re.findall(r"[^\W\d_]+|\d+", spaced.lower())
+    return tuple(_ORDERED.get(word, word) for word in words)
+
+
+def _unit_of(suffix: str) -> str:
+    if suffix in UNITS:
+        return UNITS[suffix]
+    return UNITS.get(suffix.lower(), "") if len(suffix) >= _LONG else ""
+
+
+def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int, int] | None:
+    """Return how well a name fits a canonical column; the less, the better; None if it does not.
+
+    Args:
+        name: of a column of the file.
+        column: canonical.
+        ship: the nominal ship; some phrases are for a rig only, others for a ship that moves.
+        ordered: whether the canonical column is a command.
+
+    Returns:
+        Place of the phrase in the list of phrases, and the number of words besides it. A name with the
+        word of a command fits a command only, and the commands of pitch and rudder need such a word.
+    """
+    words = set(name.words)
+    if words & FOREIGN or words & _NOT_WITH.get(column, set()) or (name.is_command and not ordered):
+        return None
+    if column in ("pitch_ratio_command", RUDDER_COMMAND) and not name.is_command:
+        return None
+    place = 0
+    for ships, phrases in PHRASES.get(column, ()):
+        for phrase in phrases:
+            place += 1
+            if ships != ANY and (ships == MOVING) != bool(ship.moves):
+                continue
+            if phrase == "command" and words & _QUANTITIES:
+                continue
+            if _has(name, phrase.split()):
+                return place, len(name.core) - len(phrase.split())
+    return None
+
+
+def _has(name: LoggerName, phrase: Iterable[str]) -> bool:
+    """Whether a name has all words of a phrase; a single letter counts only where it stands alone."""
+    phrase = list(phrase)
+    if phrase == [word for word in phrase if len(word) == 1]:
+        rest = [w for w in name.core if w not in phrase and not w.isdigit()]
+        return set(phrase) <= set(name.core) and all(w in _BESIDES for w in rest)
+    if len(phrase) > 1 and "".join(phrase) in "".join(name.words):
+        return True
+    return all(any(_is(word, found) for found in name.words) for word in phrase)
+
+
+_BESIDES = frozenset(
+    ("raw", "measured", "meas", "volt", "velo", "velocity", "angvelo", "filtered", "hat", "state")
+)
+"""Words that may stand beside a letter that is a whole name."""
+
+
+def _is(word: str, found: str) -> bool:
+    if word == found:
+        return True
+    return (len(word) > _LONG or word == "rpm") and (found.startswith(word) or found.endswith(word))
+
+
+def stated_units(names: Iterable[str], units: Mapping[str, str]) -> dict[str, LoggerName]:
+    """Return all names of a file, split, by name."""
+    return {name: read_name(name, units.get(name, "")) for name in names}
