@@ -84,6 +84,8 @@ def diagnose_structure(
         The diagnosis; None where the first one is within the noise, or as close to the held-out data.
     """
     replay = setting.balances.replay
+    if first.left_over is None or first.ship.turns:
+        return None
     if replay.rows * len(replay.channels) > MOST_VALUES:
         return None
     bands = setting.fitter.bands
