@@ -27,6 +27,8 @@ _WORDS = {
     SHAFT_SPEED: ("shaft speed", "rpm", "rev"),
     "shaft_torque_N_m": ("torque",),
     "thrust_N": ("thrust",),
+    "shaft_power_W": ("shaft power",),
+    "electric_power_W": ("electric power", "elec power", "elec_power"),
     "ship_speed_m_s": ("ship speed", "stw", "log", "speed through"),
     "rudder_rad": ("rudder",),
     "heading_rad": ("heading",),

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from ...plant.columns import (
     BOUNDS,
     COLUMNS,
+    ELECTRIC_POWER,
     HEADING,
     SHAFT_ANGLE,
+    SHAFT_POWER,
     SHAFT_SPEED,
     TIME,
     answered_columns,
@@ -144,15 +146,16 @@ def load_recording(
     warnings = [f"read as a table with {words}"] if layout and (words := layout.words()) else []
     warnings += raw.attrs.get("remarks", [])
     if not ship.turns:  # what it does not do itself its terms may hear
-        told = {n: c for n, c in OF_A_TURN.items() if c in raw and n not in raw}
-        raw = raw.assign(**{name: raw[column] for name, column in told.items()})
+        others = {n: c for n, c in OF_A_TURN.items() if c in raw and n not in raw}
+        raw = raw.assign(**{name: raw[column] for name, column in others.items()})
     heard = {n: u for n, u in {**signals, **ship.signals, **mapped}.items() if n in raw}
     turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
     refuse_complex(path, raw, heard)
     raw, read = with_seconds(path, raw)
     warnings += read
-    required = list(dict.fromkeys([*input_columns(ship), turning, *ship.hears]))
     foreign = foreign_columns(ship)
+    told = turning in raw or not {SHAFT_POWER, ELECTRIC_POWER} & set(raw) - foreign
+    required = list(dict.fromkeys([*input_columns(ship), *([turning] * told), *ship.hears]))
     known = [*(c for c in COLUMNS if c in raw and c not in foreign), *sorted(heard)]
     raw, mended = filled(path, raw, known)
     warnings += mended

@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...plant.columns import BOUNDS, COLUMNS, answered_columns, input_columns
+from ...plant.columns import (
+    BOUNDS,
+    COLUMNS,
+    ELECTRIC_POWER,
+    SHAFT_POWER,
+    answered_columns,
+    input_columns,
+)
 from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
 from ...plant.terms import OF_A_TURN
@@ -143,6 +150,9 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     entries = tuple(_entry(name, raw[name], sources.get(name), recording) for name in raw.columns)
     have = {entry.column for entry in entries}
     wanted = [c for c in answered_columns(ship) if c in COSTS and c not in have]
+    powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
+    if powers & have:  # power over shaft speed is the torque
+        wanted = [c for c in wanted if c != "shaft_torque_N_m"]
     if not ship.moves:
         wanted = [c for c in wanted if c != "ship_speed_m_s"]
     if not ship.has_voltage:
