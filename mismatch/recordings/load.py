@@ -217,12 +217,12 @@ def read_mapped(
         if not raw.columns.is_unique:
             twice = raw.columns[raw.columns.duplicated()][0]
             raise RecordingError(f"{path}: column {twice!r} stands twice")
-        if given is not None and not set(given.sources) & set(raw):
+        if given is not None and not given.inputs & set(raw):
             given = None
     else:
         path = Path(source)
         raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
-    refuse_complex(path, raw, [*COLUMNS, *ship.signals, *({} if given is None else given.sources)])
+    refuse_complex(path, raw, [*COLUMNS, *ship.signals, *(() if given is None else given.inputs)])
     if given is None:
         return raw, {}
     units = {source.signal: source.unit_in_expressions for source in given.signals.values()}

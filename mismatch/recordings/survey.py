@@ -147,7 +147,16 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     except RecordingError as error:
         recording = None
         refused = str(error).replace(f"{path}: ", "")
-    entries = tuple(_entry(name, raw[name], sources.get(name), recording) for name in raw.columns)
+    used = set() if given is None else given.inputs
+    entries = tuple(
+        _entry(name, raw[name], sources.get(name), recording, name in used) for name in raw.columns
+    )
+    none = pd.Series(dtype=float)
+    entries += tuple(
+        _entry(f"= {source.formula}", none, source, recording)
+        for source in sources.values()
+        if source.formula is not None
+    )
     have = {entry.column for entry in entries}
     wanted = [c for c in answered_columns(ship) if c in COSTS and c not in have]
     powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
@@ -172,8 +181,21 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
 
 
 def _entry(
-    name: str, values: pd.Series, source: Source | Heard | None, recording: Recording | None
+    name: str,
+    values: pd.Series,
+    source: Source | Heard | None,
+    recording: Recording | None,
+    used: bool = False,
 ) -> Entry:
+    """Return what is understood of a column.
+
+    Args:
+        name: in the file, or the formula.
+        values: as recorded.
+        source: of the column map, or none.
+        recording: None where it is refused.
+        used: whether the column map uses it, be it in a formula.
+    """
     known = source.column if source is not None else name if name in COLUMNS else ""
     if recording is not None:
         heard = {
@@ -187,6 +209,9 @@ def _entry(
         unit = recording.signals.get(column) or BOUNDS.get(column, ("", "", ""))[2]
     else:
         column, unit = known, "as recorded"
+        numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
+    if not column and used:
+        column, unit = "in a formula", "as recorded"
         numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
     low, high = (numbers.min(), numbers.max()) if len(numbers) else (np.nan, np.nan)
     return Entry(name, column, unit, float(low), float(high), int(values.isna().sum()))
