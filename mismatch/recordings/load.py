@@ -139,9 +139,23 @@ def load_recording(
             samples; an angle that begins anew with every turn; a channel that is dead, in another unit,
             of the other sign or under another's name.
     """
-    _refuse_other_types(source, ship, columns)
+    refuse_other_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
-    raw, mapped = read_mapped(source, ship, columns, name)
+    return checked(path, *read_mapped(source, ship, columns, name), ship, signals)
+
+
+def checked(
+    path: Path, raw: pd.DataFrame, mapped: dict[str, str], ship: Ship, signals: Mapping[str, str]
+) -> Recording:
+    """A table under canonical names as a recording, through every check.
+
+    Args:
+        path: for messages.
+        raw: as :func:`read_mapped` gives it.
+        mapped: units of the signals of the column map.
+        ship: the nominal ship.
+        signals: units of further columns for terms.
+    """
     layout = raw.attrs.get("layout")
     warnings = [f"read as a table with {words}"] if layout and (words := layout.words()) else []
     warnings += raw.attrs.get("remarks", [])
@@ -182,7 +196,7 @@ def load_recording(
     return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard)
 
 
-def _refuse_other_types(source: object, ship: object, columns: object) -> None:
+def refuse_other_types(source: object, ship: object, columns: object) -> None:
     """Raise a TypeError that says what is expected where an argument is of another type."""
     for name, given, types, expected in (
         ("source", source, (str, os.PathLike, pd.DataFrame), "the path of a file or a pandas.DataFrame"),

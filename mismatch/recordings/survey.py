@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,8 @@ from ...plant.terms import OF_A_TURN
 from .columns import load_map
 from .first_map import first_map
 from .joint import refuse_few
-from .load import OUTSIDE, Recording, load_recording
+from .load import OUTSIDE, Recording
+from .parts import CUT, load_parts
 from .sources import Heard, Source
 
 COSTS = {
@@ -142,8 +143,13 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     sources = {} if given is None else given.sources
     recording, refused = None, ""
     try:
-        recording = load_recording(path, ship, columns, OUTSIDE)  # as a diagnosis hears them
-        refuse_few([recording])
+        found = load_parts(path, ship, columns, OUTSIDE)  # as a diagnosis hears them
+        refuse_few(found)
+        recording = replace(
+            found[0], table=pd.concat([part.table for part in found], ignore_index=True),
+            warnings=tuple(_named(found)),
+            limits=tuple(dict.fromkeys(said for part in found for said in part.limits)),
+        )  # fmt: skip
     except RecordingError as error:
         recording = None
         refused = str(error).replace(f"{path}: ", "")
@@ -178,6 +184,14 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     return Survey(
         path, entries, absent, recording, refused, layout.words() if layout else "", begin
     )
+
+
+def _named(parts: Sequence[Recording]) -> Iterator[str]:
+    """Warnings on the parts of a recording, each with its part where there are several."""
+    for number, part in enumerate(parts, 1):
+        for said in part.warnings:
+            several = len(parts) > 1 and not said.startswith(CUT)
+            yield f"part {number}: {said}" if several else said
 
 
 def _entry(
