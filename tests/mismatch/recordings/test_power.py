@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -79,3 +80,21 @@ def test_a_survey_does_not_miss_a_torque_that_a_power_tells(tmp_path: Path) -> N
     assert found.recording is not None
     assert "shaft_torque_N_m" not in found.absent
     assert "thrust_N" in found.absent
+
+
+@pytest.mark.skipif("SHAFTLINE_DATA" not in os.environ, reason="needs SHAFTLINE_DATA")
+def test_a_propeller_in_air_is_read_as_it_was_recorded(tmp_path: Path) -> None:
+    """12 000 rpm, airspeed and electric power, by volts and amperes."""
+    (tmp_path / "map.toml").write_text(
+        """[columns]
+        t_s = "time_s"
+        rpm = { column = "shaft_speed_rad_s", unit = "rpm" }
+        airspeed_mps = "inflow_velocity_m_s"
+        electric_power_W = { formula = "voltage_V * current_A" }
+        """
+    )
+    file = Path(os.environ["SHAFTLINE_DATA"]) / "recordings/propeller_inflow/windtunnel_10Hz.csv"
+    found = load_recording(file, RIG, tmp_path / "map.toml")
+    assert found["shaft_speed_rad_s"].max() == pytest.approx(1254.0, abs=1.0)
+    assert found["inflow_velocity_m_s"].max() == pytest.approx(18.02)
+    assert found["electric_power_W"].max() == pytest.approx(378.0, abs=5.0)
