@@ -45,7 +45,14 @@ from .numbers.start import Start, widened
 from .numbers.wrong import wrong_numbers
 from .options import Options
 from .progress import Tick, silent
-from .recordings.joint import JointRecordings, Recorded, load_each, load_jointly, refuse_twice
+from .recordings.joint import (
+    JointRecordings,
+    Recorded,
+    load_each,
+    load_jointly,
+    parts_of,
+    refuse_twice,
+)
 from .recordings.loading import turned
 from .recordings.overlap import refuse_shared
 from .search.catalogue import applicable
@@ -92,10 +99,11 @@ def diagnose(
     refuse_twice(options.calibrate, (*recordings, *hold_out), ANOTHER_PERIOD)
     fitted, held = len(recordings), len(hold_out)
     sources = (*recordings, *hold_out, *options.calibrate)
-    loaded = load_each(file, sources, options.columns, tick, options.signals)
-    healthy = loaded[fitted + held :]
-    together = load_jointly(file, loaded[:fitted], loaded[fitted : fitted + held])
-    for one, other in itertools.product(loaded[: fitted + held], healthy):
+    groups = load_each(file, sources, options.columns, tick, options.signals)
+    to_fit, aside = parts_of(groups[:fitted]), parts_of(groups[fitted : fitted + held])
+    healthy = parts_of(groups[fitted + held :])
+    together = load_jointly(file, to_fit, aside)
+    for one, other in itertools.product(to_fit + aside, healthy):
         refuse_shared(one, other, ANOTHER_PERIOD)
     options = replace(options, calibrate=tuple(healthy))
     start = ship if isinstance(ship, Start) else begin(ship, options, tick)

@@ -33,9 +33,8 @@ Ints = NDArray[np.int64]
 CHANNELS = tuple(MEASURED)
 """Columns that readings are compared with; a channel is a place here."""
 
-(_PITCH, _SPEED, _TORQUE, _LOG, _THRUST, _CURRENT, _ANGLE, _SWAY, _YAW, _HEADING, _RUDDER) = range(
-    len(CHANNELS)
-)
+(_PITCH, _SPEED, _TORQUE, _LOG, _THRUST, _CURRENT, _SHAFT_POWER, _ELECTRIC_POWER, _ANGLE, _SWAY, _YAW,
+ _HEADING, _RUDDER) = range(len(CHANNELS))  # fmt: skip
 
 
 class Model(NamedTuple):
@@ -93,6 +92,10 @@ def _reading(plant: Record, state: State, outputs: Outputs, helm: float, channel
         return outputs.thrust
     if channel == _CURRENT:
         return outputs.motor_current
+    if channel == _SHAFT_POWER:
+        return torque_read(plant, outputs.shaft_torque) * state.shaft_speed
+    if channel == _ELECTRIC_POWER:
+        return outputs.electric_power
     if channel == _ANGLE:
         return state.shaft_angle
     if channel == _SWAY:

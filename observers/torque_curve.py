@@ -12,13 +12,12 @@ from ..plant.propeller_curves import (
     torque_coefficient_slope,
     torque_in_any_quadrant,
 )
-from ..plant.signals import SIGNALS
 from .augmented import STEP
 
 AT_REST = 1e-3
 """Shaft speed up to which the shaft tells nothing about the inflow [rad/s]."""
 
-(_FASTEST,) = (float(signal.high) for signal in SIGNALS if signal.name == "advance_velocity")
+_FASTEST = 40.0  # m/s; no inflow of a ship is faster
 
 
 @compiled

@@ -71,7 +71,7 @@ def burrill_ratio(
 class CavitationBucket(Section):
     """Angles of attack of the blades at which no sheet cavitation begins; without one, all of them."""
 
-    needs = "has_propeller"
+    needs = "has_propeller in_water"
 
     pitch_factor: float = number(
         "c1: effective over geometric pitch angle", record="attack_pitch_factor", gt=0, le=2,

@@ -8,6 +8,7 @@ from .signals import RECORDED_SIGNALS, SIGNALS
 
 TIME = "time_s"
 SHAFT_SPEED, SHAFT_ANGLE = "shaft_speed_rad_s", "shaft_angle_rad"
+SHAFT_POWER, ELECTRIC_POWER = "shaft_power_W", "electric_power_W"
 RUDDER_COMMAND, RUDDER = "rudder_command_rad", "rudder_rad"
 SWAY_SPEED, YAW_RATE, HEADING = "sway_speed_m_s", "yaw_rate_rad_s", "heading_rad"
 
@@ -24,7 +25,8 @@ _DEMANDS = tuple(demand.column for demand in DEMANDS if demand.column != SHAFT_S
 COLUMNS = (
     TIME, *_DEMANDS, "pitch_ratio_command", "pitch_ratio",
     SHAFT_SPEED, SHAFT_ANGLE, "shaft_torque_N_m", "ship_speed_m_s", "thrust_N",
-    "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", "inflow_velocity_m_s",
+    "fuel_flow_kg_s", "propeller_submergence_m", "motor_current_A", SHAFT_POWER, ELECTRIC_POWER,
+    "inflow_velocity_m_s",
     RUDDER_COMMAND, RUDDER, SWAY_SPEED, YAW_RATE, HEADING,
 )  # fmt: skip
 """Canonical columns of a recording; demands first, then what was measured."""
@@ -36,6 +38,8 @@ MEASURED = {
     "ship_speed_m_s": "measured_ship_speed",
     "thrust_N": "thrust",
     "motor_current_A": "motor_current",
+    SHAFT_POWER: "shaft_power",
+    ELECTRIC_POWER: "electric_power",
     SHAFT_ANGLE: "shaft_angle",
     SWAY_SPEED: "sway_speed",
     YAW_RATE: "yaw_rate",
@@ -44,7 +48,7 @@ MEASURED = {
 }
 """Measured columns and the simulated signal that answers each."""
 
-IN_A_TURN = tuple(MEASURED)[7:]
+IN_A_TURN = (SWAY_SPEED, YAW_RATE, HEADING, RUDDER)
 """Columns that a ship has that turns."""
 
 ON_ANY_SHIP = tuple(MEASURED)[:4]
@@ -74,13 +78,15 @@ def answered_columns(ship: Ship) -> list[str]:
     none = set() if ship.has_propeller else {"thrust_N"}
     none |= set() if ship.turns_freely else {SHAFT_SPEED, SHAFT_ANGLE}
     none |= set() if ship.turns else set(IN_A_TURN)
+    none |= set() if ship.prime_mover.electric else {ELECTRIC_POWER}
     return [column for column in MEASURED if column not in none]
 
 
 def foreign_columns(ship: Ship) -> set[str]:
-    """Columns of what the ship does not have: an armature, a rudder."""
-    current = set() if ship.has_voltage else {"motor_current_A"}
-    return current if ship.turns else {*current, *IN_A_TURN, RUDDER_COMMAND}
+    """Columns of what the ship does not have: an armature, an electric drive, a rudder."""
+    absent = set() if ship.has_voltage else {"motor_current_A"}
+    absent |= set() if ship.prime_mover.electric else {ELECTRIC_POWER}
+    return absent if ship.turns else {*absent, *IN_A_TURN, RUDDER_COMMAND}
 
 
 def input_columns(ship: Ship) -> list[str]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ..core.compiled import Real, Record, compiled
 from .actuators import blade_pitch, pitch_rate
-from .drives import Driving, driven, holding_torque
+from .drives import Driving, driven, electric_power, holding_torque
 from .hull import resistance, wake_inflow, water_speed, wave_resistance
 from .kinematics import over_ground
 from .manoeuvring import (
@@ -63,6 +63,7 @@ class Loads(NamedTuple):
     propeller_torque: Real  # M_p [N m]
     brake_torque: Real  # M_b [N m]
     motor_current: Real  # [A]
+    electric_power: Real  # of the drive [W]
     drive_torque: Real  # on the shaft before the gauge [N m]
     load_torque: Real  # on the shaft behind it [N m]
     push: Real  # of all propellers on the hull [N]
@@ -171,33 +172,12 @@ def loads(plant: Record, state: State, inputs: Inputs, blade: Real) -> Loads:
         drive = holding_torque(plant, load_behind, inputs.drive_rate)
         brake_torque = brake_torque_of(plant, drive, omega)
     return Loads(
-        omega,
-        advance,
-        submergence,
-        thrust,
-        load.thrust_coefficient,
-        propeller_torque,
-        brake_torque,
-        mover.current,
-        drive,
-        load_behind,
-        push,
-        drag,
-        speed,
-        across,
-        surge_force,
-        side_force,
-        yaw_moment,
-        inflow_rate,
-        mover.brake_torque_rate,
-        mover.current_rate,
-        mover.charge_rate,
-        mover.warmth_rate,
-        added_pitch_rate,
-        term_rate_1,
-        term_rate_2,
-        term_rate_3,
-    )
+        omega, advance, submergence, thrust, load.thrust_coefficient, propeller_torque, brake_torque,
+        mover.current, electric_power(plant, mover, brake_torque, engine_speed), drive, load_behind,
+        push, drag, speed, across, surge_force, side_force, yaw_moment, inflow_rate,
+        mover.brake_torque_rate, mover.current_rate, mover.charge_rate, mover.warmth_rate,
+        added_pitch_rate, term_rate_1, term_rate_2, term_rate_3,
+    )  # fmt: skip
 
 
 @compiled
@@ -232,6 +212,7 @@ def evaluate(
         )  # fmt: skip
         if plant.rudder_lag.real > 0.0:
             helm_rate = rudder_rate(plant, inputs.rudder_command, state.rudder_angle)
+    torque = gauge_torque(plant, acting.drive_torque, acting.load_torque, acceleration)
     blade_rate = pitch_rate(plant, inputs.pitch_command, state.pitch_ratio)
     if plant.term_count > 0:
         blade_rate = blade_rate + acting.added_pitch_rate
@@ -270,13 +251,15 @@ def evaluate(
             advance_velocity=acting.advance_velocity,
             thrust=acting.thrust,
             propeller_torque=acting.propeller_torque,
-            shaft_torque=gauge_torque(plant, acting.drive_torque, acting.load_torque, acceleration),
+            shaft_torque=torque,
             brake_torque=acting.brake_torque,
             shaft_acceleration=acceleration,
             resistance=acting.resistance,
             motor_current=acting.motor_current,
             thrust_coefficient=acting.thrust_coefficient,
             submergence=acting.submergence,
+            shaft_power=torque * acting.shaft_speed,
+            electric_power=acting.electric_power,
         ),
     )
 

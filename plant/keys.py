@@ -39,6 +39,8 @@ LACKING = {
     "has_variable_pitch": "has a fixed pitch",
     "has_diesel": "has no diesel",
     "has_voltage": "has no motor under a voltage",
+    "in_water": "turns in a fluid that is not water (water.density_kg_m3)",
+    "in_liquid": "turns in a gas (water.density_kg_m3)",
     "has_constant_coefficients": "has a propeller whose KT and KQ follow J",
 }
 """What a number may need of its ship, by the ship's property, and how a ship is called without it."""

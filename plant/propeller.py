@@ -120,15 +120,16 @@ class Propeller(Section):
     )  # fmt: skip
     cavitation_breakdown: float = effect(
         0.0, "thrust lost per unit deficit of cavitation number", record="cavitation_breakdown",
-        ge=0, le=3,
+        needs="in_water", ge=0, le=3,
     )  # fmt: skip
     cavitation_onset_number: float = number(
         "sigma_n at which breakdown begins", record="cavitation_onset_number",
-        gt=0, le=50, default=1.0,
+        needs="in_water", gt=0, le=50, default=1.0,
     )  # fmt: skip
     cavitation_torque_share: float = number(
-        "torque loss / thrust loss", record="cavitation_torque_share", ge=0, le=1, default=0.8
-    )
+        "torque loss / thrust loss", record="cavitation_torque_share", needs="in_water",
+        ge=0, le=1, default=0.8,
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _complete(self) -> Propeller:

@@ -33,6 +33,7 @@ from .hull import wake_inflow, water_speed
 from .memory import MEMORY
 from .recording import RecordingError
 from .ship import Ship
+from .ship_checks import refuse_waves
 from .signals import SAMPLE
 from .simulation import trajectory
 from .state import STATE, Inputs, State
@@ -313,7 +314,7 @@ def simulate_recording(
 
     Returns:
         The same time base and canonical columns: the inputs as given, everything else simulated.
-        Thrust and motor current are there where the recording has them.
+        Thrust, motor current and powers are there where the recording has them.
 
     Warns:
         ValidityWarning: the simulation has left the range of validity of a model; one line for each.
@@ -321,8 +322,9 @@ def simulate_recording(
     Raises:
         RecordingError: as of :class:`Replay`.
         ShipError: likewise.
-        ValueError: the simulation diverges; names the signal and the time.
+        ValueError: the simulation diverges; names the signal and the time. Or waves in a gas.
     """
+    refuse_waves(ship, sea)
     replay = Replay(ship, recording)
     samples = replay.simulate(ship.record(), sea=sea)
     refuse_divergence(ship, samples)

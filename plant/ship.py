@@ -34,9 +34,9 @@ from .propeller import Propeller
 from .record import record_of
 from .rudder import Rudder
 from .shaft import UNLESS_HELD, Transmission
-from .ship_checks import check_terms, check_turning
+from .ship_checks import check_fluid, check_terms, check_turning
 from .ship_errors import ShipError, validated
-from .surroundings import Integration, Water
+from .surroundings import InFluid, Integration, Water
 from .term_kernel import MAX_SIGNALS, MAX_TERMS
 from .terms import OF_A_TURN, Name, Term
 from .time_constants import check_time_constants, resolved, resolved_parameter
@@ -44,7 +44,7 @@ from .tolerances import Tolerances
 from .ventilation import Ventilation
 
 
-class Ship(Section):
+class Ship(InFluid, Section):
     """A ship: everything that the plant needs to know, immutable.
 
     Use :func:`load_ship` to get one, :meth:`with_values` to vary it, :meth:`record` for the kernels.
@@ -87,6 +87,7 @@ class Ship(Section):
                     f"the longest delay at a time step of {step} s"
                 )
         check_terms(self)
+        check_fluid(self)
         for key in self.tolerances.numbers:
             self.number(key)
         if self.has_propeller:

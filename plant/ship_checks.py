@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from .keys import require
 from .manoeuvring import WITH as MANOEUVRING
 from .manoeuvring import planar_inertia
 from .record import PLANT
+from .surroundings import WATER
 from .terms import OF_A_TURN, TERM_SIGNALS, Term
 
 if TYPE_CHECKING:
@@ -49,6 +50,51 @@ def _idle(ship: Ship, term: Term) -> list[tuple[str, str]]:
     found = [(p, held) for p in places if p in ("drive", "drive_torque") and not ship.turns_freely]
     turning = ("side_force", "yaw_moment")
     return found + [(p, straight) for p in places if p in turning and not ship.turns]
+
+
+def check_fluid(ship: Ship) -> None:
+    """Refuse effects of water or of its surface on a ship whose fluid has neither.
+
+    Raises:
+        ValueError: names the key, the density and what to do.
+    """
+    density = f"water.density_kg_m3 = {ship.water.density_kg_m3:g} kg/m3"
+    if not ship.in_liquid and ship.moves:
+        raise ValueError(
+            f"{density} is a gas, in which no hull floats: water has about 1000 kg/m3. For a propeller "
+            "in air say hull.fixed = true, and give the airspeed as inflow_velocity_m_s"
+        )
+    ventilation = ship.ventilation
+    if not ship.in_liquid and any(
+        (ventilation.thrust_loss, ventilation.torque_loss, ventilation.surface_loss)
+    ):
+        raise ValueError(
+            f"ventilation draws air into a liquid, and {density} is a gas: leave [ventilation] out"
+        )
+    bucket = bool(ship.cavitation_bucket.model_fields_set)
+    if not ship.in_water and (bucket or ship.propeller.cavitation_breakdown):
+        key = "[cavitation_bucket]" if bucket else "propeller.cavitation_breakdown"
+        raise ValueError(
+            f"cavitation is modelled by the vapour pressure of water, and {density} is another fluid "
+            f"(water: {WATER[0]:g} to {WATER[1]:g}): leave {key} out"
+        )
+
+
+def refuse_waves(ship: Ship, sea: Any) -> None:
+    """Refuse a sea around a ship whose fluid has no surface.
+
+    Args:
+        ship: that is simulated.
+        sea: SEA record, or None for calm water.
+
+    Raises:
+        ValueError: names the density.
+    """
+    if sea is not None and not ship.in_liquid:
+        raise ValueError(
+            f"{ship.name}: waves need a liquid, and water.density_kg_m3 = "
+            f"{ship.water.density_kg_m3:g} kg/m3 is a gas: leave the sea out"
+        )
 
 
 def check_turning(ship: Ship) -> None:

@@ -16,6 +16,7 @@ from .divergence import refuse_divergence
 from .memory import MEMORY
 from .rudder import rudder_angle
 from .ship import Ship
+from .ship_checks import refuse_waves
 from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
 from .stepping import Disturbance, observe, prepare, step
@@ -57,6 +58,8 @@ def write_sample(
     sample.brake_torque = outputs.brake_torque
     sample.resistance = outputs.resistance
     sample.motor_current = outputs.motor_current
+    sample.shaft_power = memory.shaft_torque * memory.shaft_speed
+    sample.electric_power = outputs.electric_power
     sample.submergence = outputs.submergence
     sample.ventilation = state.ventilation
     sample.position = state.position
@@ -218,8 +221,10 @@ def simulate(
     Raises:
         ShipError: the ship's delays or its motor do not fit the time step, or a term hears a signal
             that the schedule does not have.
-        ValueError: an input is not finite, the duration not positive, or the simulation diverges.
+        ValueError: an input is not finite, the duration not positive, there are waves although the
+            ship's fluid is a gas, or the simulation diverges.
     """
+    refuse_waves(ship, sea)
     if dt is not None and dt != ship.time_step_s:
         ship = ship.with_values({"integration.time_step_s": dt})
     dt = ship.time_step_s

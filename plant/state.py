@@ -245,3 +245,5 @@ class Outputs(NamedTuple):
     motor_current: Real  # [A]
     thrust_coefficient: Real  # KT [-] without air
     submergence: Real  # of the propeller's centre [m]
+    shaft_power: Real  # at the gauge [W]
+    electric_power: Real  # of the drive [W]

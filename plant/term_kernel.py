@@ -239,6 +239,39 @@ def _on_a_stack(plant: Record, signals: tuple[Real, ...], slot: int) -> Real:
     return stack[0]
 
 
+@compiled_apart
+def rows_of(program: Any, constants: Any, signals: Any, found: Any) -> None:
+    """Values of a program that belongs to no term, a row each.
+
+    Args:
+        program: operations, each with its index, shape (n, 2).
+        constants: that it uses, shape (m,).
+        signals: that it uses, shape (rows, k).
+        found: shape (rows,), filled; not finite where the program has no value.
+    """
+    stack = np.zeros(MAX_DEPTH)
+    for row in range(len(signals)):
+        top = -1
+        for k in range(len(program)):
+            code, index = program[k, 0], program[k, 1]
+            if code == CONSTANT:
+                top += 1
+                stack[top] = constants[index]
+            elif code == SIGNAL:
+                top += 1
+                stack[top] = signals[row, index]
+            elif code == TABLE:
+                top -= index
+                points = stack[top + 1 : top + 1 + index]
+                stack[top] = piecewise_linear(points[::2], points[1::2], index // 2, stack[top])
+            elif code <= POWER or code >= MIN:
+                top -= 1
+                stack[top] = _of_two(code, stack[top], stack[top + 1])
+            else:
+                stack[top] = _of_one(code, stack[top])
+        found[row] = stack[0]
+
+
 @compiled
 def _of_two(code: int, left: Real, right: Real) -> Real:
     if code == ADD:

@@ -93,7 +93,7 @@ _REACH = _reach()
 class Ventilation(Section):
     """Ventilation of the propeller; absent while the losses are 0."""
 
-    needs = "has_propeller"
+    needs = "has_propeller in_liquid"
 
     thrust_loss: float = effect(
         0.0, "share of thrust lost to air", record="ventilation_thrust_loss", ge=0, le=0.95

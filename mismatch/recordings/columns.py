@@ -21,6 +21,16 @@ Whatever else the recording holds can be named as a signal, which terms of a shi
     "Beta" = { signal = "drift_angle", unit = "deg", sign = -1 }
     "Fouling days" = "days_since_docking"
 
+A column that the file does not have can be worked out from others, by an expression as terms have them;
+its key is then the canonical column (or the signal). Columns of the file stand in it in the file's unit,
+canonical ones in the canonical unit; ``unit`` is that of the result::
+
+    [columns]
+    "shaft_torque_N_m" = { formula = "power_W / (rpm * 0.10472)" }
+
+    [signals]
+    "head_wind" = { formula = "v * cos(a * 0.0174533)", names = { v = "Wind [m/s]", a = "Wind [deg]" } }
+
 How the file is a table is guessed; a third table says what is known of it::
 
     [file]
@@ -50,6 +60,7 @@ from ...core.files import FileError, read_toml
 from ...core.models import FileModel
 from ...plant.recording import RecordingError
 from .file_layout import FileLayout
+from .formula import columns_in, worked_out
 from .sources import PERCENT, PERCENT_OF_RANGE, Heard, Ranges, Source
 
 
@@ -66,12 +77,28 @@ class ColumnMap(FileModel):
         if not isinstance(value, dict):
             return value
         key = "column" if info.field_name == "columns" else "signal"
-        return {k: {key: v} if isinstance(v, str) else v for k, v in value.items()}
+        given = {k: {key: v} if isinstance(v, str) else v for k, v in value.items()}
+        return {
+            k: {key: k} | v if isinstance(v, dict) and "formula" in v else v for k, v in given.items()
+        }
 
     @property
     def sources(self) -> dict[str, Source | Heard]:
         """All of them."""
         return {**self.columns, **self.signals}
+
+    @property
+    def inputs(self) -> set[str]:
+        """Names of the columns that the map uses; of a formula canonical ones, too."""
+        found = {name for name, source in self.sources.items() if source.formula is None}
+        return found.union(*(columns_in(f, names).values() for f, names in self.formulas.values()))
+
+    @property
+    def formulas(self) -> dict[str, tuple[str, dict[str, str]]]:
+        """Each formula with its names, by the column that it gives."""
+        return {
+            s.column: (s.formula, s.names) for s in self.sources.values() if s.formula is not None
+        }
 
     @model_validator(mode="after")
     def _each_once(self) -> ColumnMap:
@@ -106,11 +133,14 @@ class ColumnMap(FileModel):
 
         Raises:
             RecordingError: the map names a column that the recording does not have, gives a
-                canonical column that it has already, or a time stamp cannot be read.
+                canonical column that it has already, or a time stamp cannot be read; a formula uses a
+                column that is not there, or has no finite value in a row.
         """
-        result = table.drop(columns=[name for name in self.sources if name in table])
-        for name, source in self.sources.items():
-            if name not in table:
+        sources = sorted(self.sources.items(), key=lambda pair: pair[1].formula is not None)
+        plain = [name for name, source in sources if source.formula is None]
+        result = table.drop(columns=[name for name in plain if name in table])
+        for name, source in sources:
+            if source.formula is None and name not in table:
                 raise RecordingError(
                     f"{path}: column {name!r} of the column map is missing; "
                     f"found: {', '.join(map(str, table.columns))}"
@@ -120,11 +150,14 @@ class ColumnMap(FileModel):
                     f"{path}: {source.column} is in the recording and given by {name!r} as well"
                 )
             try:
-                if isinstance(source, Heard):
-                    result[source.column] = source.convert(table[name])
+                if source.formula is not None:
+                    values, stated = worked_out(source.formula, source.names, table, result), None
                 else:
-                    with_unit = source.with_unit_of_file(table.attrs.get("units", {}).get(name))
-                    result[source.column] = with_unit.convert(table[name], ranges)
+                    values, stated = table[name], table.attrs.get("units", {}).get(name)
+                if isinstance(source, Heard):
+                    result[source.column] = source.convert(values)
+                else:
+                    result[source.column] = source.with_unit_of_file(stated).convert(values, ranges)
             except ValueError as error:
                 raise RecordingError(f"{path}: {name!r} as {source.column}: {error}") from None
         return result

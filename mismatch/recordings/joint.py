@@ -15,14 +15,13 @@ from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from ..progress import Tick, silent
 from .checks import TOO_SHORT, too_short
-from .load import TABLE, Recording, load_recording
+from .load import TABLE, Recording
 from .overlap import refuse_overlap
+from .parts import load_parts
+from .time_base import LEAST_OF_ONE
 
 LEAST_ROWS = 40
 """Of all recordings that are fitted together, so that there is something to fit and to set aside."""
-
-LEAST_OF_ONE = 10
-"""Of each: parts of a voyage in which the ship sails straight may be as short as this."""
 
 Recorded: TypeAlias = str | Path | Recording | pd.DataFrame
 """A CSV or Parquet file; a table, which passes the same checks; or what :func:`.load_recording` made of
@@ -78,13 +77,15 @@ def load_jointly(
     if not fitted:
         raise ValueError("no recording to fit: give at least one that is not set aside")
     refuse_twice(sources)
-    loaded = load_each(ship, sources, columns, tick, signals)
-    refuse_few(loaded[: len(fitted)])
+    groups = load_each(ship, sources, columns, tick, signals)
+    to_fit, aside = parts_of(groups[: len(fitted)]), parts_of(groups[len(fitted) :])
+    loaded = to_fit + aside
+    refuse_few(to_fit)
     refuse_overlap(loaded, NOT_TWICE)
-    limits, warnings = _said(loaded[: len(fitted)], loaded, ship)
+    limits, warnings = _said(to_fit, loaded, ship)
     heard = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
-    return JointRecordings(tables, len(held_out), limits, warnings, heard)
+    return JointRecordings(tables, len(aside), limits, warnings, heard)
 
 
 def refuse_few(recordings: Sequence[Recording]) -> None:
@@ -138,8 +139,8 @@ def load_each(
     columns: str | Path | None = None,
     tick: Tick = silent,
     signals: Mapping[str, str] = MappingProxyType({}),
-) -> list[Recording]:
-    """Read and check recordings, each for itself.
+) -> list[list[Recording]]:
+    """Read and check recordings, each for itself; one with long gaps is cut there into several.
 
     Args:
         ship: the nominal ship.
@@ -148,27 +149,37 @@ def load_each(
         tick: told how many are read.
         signals: as of :func:`load_jointly`.
 
+    Returns:
+        The parts of each source.
+
     Raises:
         RecordingError: as of :func:`load_jointly`.
     """
     tables = sum(isinstance(source, pd.DataFrame) for source in sources)
-    loaded: list[Recording] = []
+    loaded: list[list[Recording]] = []
     numbered = 0
     for done, source in enumerate(sources):
         tick("reading and checking", done, len(sources))
         if isinstance(source, Recording):
-            recording = source
+            found = [source]
         else:
             numbered += isinstance(source, pd.DataFrame)
             name = f"{TABLE} {numbered}" if tables > 1 else TABLE
-            recording = load_recording(source, ship, columns, signals, name)
-        if len(recording) < LEAST_OF_ONE:
-            raise RecordingError(
-                f"{recording.source}: {len(recording)} rows; at least {LEAST_OF_ONE} are needed of each"
-            )
-        loaded.append(recording)
+            found = load_parts(source, ship, columns, signals, name)
+        for recording in found:
+            if len(recording) < LEAST_OF_ONE:
+                raise RecordingError(
+                    f"{recording.source}: {len(recording)} rows; at least {LEAST_OF_ONE} are needed of "
+                    "each"
+                )
+        loaded.append(found)
     tick("reading and checking", len(sources), len(sources))
     return loaded
+
+
+def parts_of(groups: Iterable[list[Recording]]) -> list[Recording]:
+    """Return the parts of several sources in one list, in their order."""
+    return [recording for group in groups for recording in group]
 
 
 def _said(

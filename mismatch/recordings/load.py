@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from ...plant.columns import (
     BOUNDS,
     COLUMNS,
+    ELECTRIC_POWER,
     HEADING,
     SHAFT_ANGLE,
+    SHAFT_POWER,
     SHAFT_SPEED,
     TIME,
     answered_columns,
@@ -138,22 +140,37 @@ def load_recording(
             samples; an angle that begins anew with every turn; a channel that is dead, in another unit,
             of the other sign or under another's name.
     """
-    _refuse_other_types(source, ship, columns)
+    refuse_other_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
-    raw, mapped = read_mapped(source, ship, columns, name)
+    return checked(path, *read_mapped(source, ship, columns, name), ship, signals)
+
+
+def checked(
+    path: Path, raw: pd.DataFrame, mapped: dict[str, str], ship: Ship, signals: Mapping[str, str]
+) -> Recording:
+    """A table under canonical names as a recording, through every check.
+
+    Args:
+        path: for messages.
+        raw: as :func:`read_mapped` gives it.
+        mapped: units of the signals of the column map.
+        ship: the nominal ship.
+        signals: units of further columns for terms.
+    """
     layout = raw.attrs.get("layout")
     warnings = [f"read as a table with {words}"] if layout and (words := layout.words()) else []
     warnings += raw.attrs.get("remarks", [])
     if not ship.turns:  # what it does not do itself its terms may hear
-        told = {n: c for n, c in OF_A_TURN.items() if c in raw and n not in raw}
-        raw = raw.assign(**{name: raw[column] for name, column in told.items()})
+        others = {n: c for n, c in OF_A_TURN.items() if c in raw and n not in raw}
+        raw = raw.assign(**{name: raw[column] for name, column in others.items()})
     heard = {n: u for n, u in {**signals, **ship.signals, **mapped}.items() if n in raw}
     turning = SHAFT_ANGLE if SHAFT_ANGLE in raw and SHAFT_SPEED not in raw else SHAFT_SPEED
     refuse_complex(path, raw, heard)
     raw, read = with_seconds(path, raw)
     warnings += read
-    required = list(dict.fromkeys([*input_columns(ship), turning, *ship.hears]))
     foreign = foreign_columns(ship)
+    told = turning in raw or not {SHAFT_POWER, ELECTRIC_POWER} & set(raw) - foreign
+    required = list(dict.fromkeys([*input_columns(ship), *([turning] * told), *ship.hears]))
     known = [*(c for c in COLUMNS if c in raw and c not in foreign), *sorted(heard)]
     raw, mended = filled(path, raw, known)
     warnings += mended
@@ -180,7 +197,7 @@ def load_recording(
     return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard)
 
 
-def _refuse_other_types(source: object, ship: object, columns: object) -> None:
+def refuse_other_types(source: object, ship: object, columns: object) -> None:
     """Raise a TypeError that says what is expected where an argument is of another type."""
     for name, given, types, expected in (
         ("source", source, (str, os.PathLike, pd.DataFrame), "the path of a file or a pandas.DataFrame"),
@@ -215,12 +232,12 @@ def read_mapped(
         if not raw.columns.is_unique:
             twice = raw.columns[raw.columns.duplicated()][0]
             raise RecordingError(f"{path}: column {twice!r} stands twice")
-        if given is not None and not set(given.sources) & set(raw):
+        if given is not None and not given.inputs & set(raw):
             given = None
     else:
         path = Path(source)
         raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
-    refuse_complex(path, raw, [*COLUMNS, *ship.signals, *({} if given is None else given.sources)])
+    refuse_complex(path, raw, [*COLUMNS, *ship.signals, *(() if given is None else given.inputs)])
     if given is None:
         return raw, {}
     units = {source.signal: source.unit_in_expressions for source in given.signals.values()}

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 from ...plant import Ship
 from ...plant.columns import (
+    ELECTRIC_POWER,
     HEADING,
     RUDDER,
     RUDDER_COMMAND,
     SHAFT_ANGLE,
+    SHAFT_POWER,
     SHAFT_SPEED,
     SWAY_SPEED,
     TIME,
@@ -60,6 +62,8 @@ PHRASES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
         (ANY, ("drehmoment", "moment", "effort", "q")),
     ),
     "thrust_N": ((ANY, ("thrust", "schub")),),
+    SHAFT_POWER: ((ANY, ("shaft power", "mechanical power", "delivered power", "propeller power")),),
+    ELECTRIC_POWER: ((ANY, ("electric power", "electrical power", "elec power", "input power")),),
     "motor_current_A": (
         (ANY, ("motor current", "armature current", "current", "strom", "ampere", "amps", "i")),
     ),
@@ -232,7 +236,8 @@ def rank(name: LoggerName, column: str, ship: Ship, ordered: bool) -> tuple[int,
         word of a command fits a command only, and the commands of pitch and rudder need such a word.
     """
     words = set(name.words)
-    if words & FOREIGN or words & _NOT_WITH.get(column, set()) or (name.is_command and not ordered):
+    foreign = FOREIGN - {"power"} if column in (SHAFT_POWER, ELECTRIC_POWER) else FOREIGN
+    if words & foreign or words & _NOT_WITH.get(column, set()) or (name.is_command and not ordered):
         return None
     if column in ("pitch_ratio_command", RUDDER_COMMAND) and not name.is_command:
         return None

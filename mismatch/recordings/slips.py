@@ -67,6 +67,7 @@ def slips_of(column: str, ship: Ship) -> list[Slip]:
         "N": [_unit("kN", 1e3), _unit("MN", 1e6), _unit("tf", 9806.65), _unit("kgf", 9.80665)],
         "V": [_unit("mV", 1e-3), _unit("kV", 1e3)],
         "A": [_unit("mA", 1e-3)],
+        "W": [_unit("kW", 1e3), _unit("MW", 1e6), _unit("mW", 1e-3)],
         "mm": [_unit("m", 1e3), _unit("cm", 10.0)],
         "-": [Slip("a blade angle in degrees", 0.04, 'unit = "deg"')],
     }  # fmt: skip
@@ -114,6 +115,8 @@ def top_speed(ship: Ship) -> float:
         return 3.0 * float(plant["engine_speed_max"]) / gear
     if ship.has_voltage:
         return 3.0 * float(plant["drive_max"] / plant["motor_constant"]) / gear
+    if not ship.turns_freely:
+        return 3.0 * float(plant["drive_max"])
     return BOUNDS[SHAFT_SPEED][1]
 
 

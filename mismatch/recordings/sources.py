@@ -19,6 +19,7 @@ from ...core.models import FileModel
 from ...plant.columns import BOUNDS, COLUMNS, TIME
 from ...plant.expressions import FUNCTIONS
 from ...plant.terms import OF_A_TURN, TERM_SIGNALS, Name
+from .formula import check_formula
 from .time_base import seconds_of_stamps
 from .units import registry, unit_of
 
@@ -48,6 +49,12 @@ class Source(FileModel):
         default=None, gt=0.0,
         description="radius by which a force, position or speed of a linear axis is a shaft's",
     )  # fmt: skip
+    formula: str | None = Field(
+        default=None, description="expression of other columns, in place of a column of the file"
+    )
+    names: dict[str, str] = Field(
+        default={}, description="names in the formula, and the columns of the file they stand for"
+    )
 
     @field_validator("column")
     @classmethod
@@ -62,6 +69,13 @@ class Source(FileModel):
         if value == 0.0:
             raise ValueError("0 would leave nothing of the channel (allowed: any other number)")
         return value
+
+    @model_validator(mode="after")
+    def _worked_out(self) -> Source:
+        _check_formula(self)
+        if self.formula is not None and self.stamps is not None:
+            raise ValueError("a formula gives numbers, and no dates: leave the unit datetime out")
+        return self
 
     @model_validator(mode="after")
     def _turned_by_a_radius(self) -> Source:
@@ -159,6 +173,14 @@ class Source(FileModel):
         return pd.Series(units.Quantity(numbers.to_numpy(), given).m_as(wanted), numbers.index)
 
 
+def _check_formula(source: Source | Heard) -> None:
+    """Refuse a formula that cannot be used, or names without one."""
+    if source.formula is not None:
+        check_formula(source.formula, source.names)
+    elif source.names:
+        raise ValueError("names are those in a formula, which is missing")
+
+
 class Heard(FileModel):
     """Where one signal for terms comes from, and how its values are carried over."""
 
@@ -167,6 +189,12 @@ class Heard(FileModel):
     sign: Literal[1, -1] = Field(default=1, description="-1 turns the signal's sign")
     scale: float = Field(default=1.0, description="units per recorded value")
     offset: float = Field(default=0.0, description="added, in units")
+    formula: str | None = Field(
+        default=None, description="expression of other columns, in place of a column of the file"
+    )
+    names: dict[str, str] = Field(
+        default={}, description="names in the formula, and the columns of the file they stand for"
+    )
 
     @property
     def column(self) -> str:
@@ -183,6 +211,7 @@ class Heard(FileModel):
 
     @model_validator(mode="after")
     def _understood(self) -> Heard:
+        _check_formula(self)
         _ = self.unit_in_expressions
         return self
 

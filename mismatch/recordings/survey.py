@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ...plant.columns import BOUNDS, COLUMNS, answered_columns, input_columns
+from ...plant.columns import (
+    BOUNDS,
+    COLUMNS,
+    ELECTRIC_POWER,
+    SHAFT_POWER,
+    answered_columns,
+    input_columns,
+)
 from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
 from ...plant.terms import OF_A_TURN
 from .columns import load_map
 from .first_map import first_map
 from .joint import refuse_few
-from .load import OUTSIDE, Recording, load_recording
+from .load import OUTSIDE, Recording
+from .parts import CUT, load_parts
 from .remarks import remarks
 from .sources import Heard, Source
 
@@ -138,15 +146,34 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
     sources = {} if given is None else given.sources
     recording, refused = None, ""
+    odd: tuple[str, ...] = ()
     try:
-        recording = load_recording(path, ship, columns, OUTSIDE)  # as a diagnosis hears them
-        refuse_few([recording])
+        found = load_parts(path, ship, columns, OUTSIDE)  # as a diagnosis hears them
+        refuse_few(found)
+        recording = replace(
+            found[0], table=pd.concat([part.table for part in found], ignore_index=True),
+            warnings=tuple(_named(found)),
+            limits=tuple(dict.fromkeys(said for part in found for said in part.limits)),
+        )  # fmt: skip
+        odd = tuple(dict.fromkeys(said for part in found for said in remarks(part, ship)))
     except RecordingError as error:
         recording = None
         refused = str(error).replace(f"{path}: ", "")
-    entries = tuple(_entry(name, raw[name], sources.get(name), recording) for name in raw.columns)
+    used = set() if given is None else given.inputs
+    entries = tuple(
+        _entry(name, raw[name], sources.get(name), recording, name in used) for name in raw.columns
+    )
+    none = pd.Series(dtype=float)
+    entries += tuple(
+        _entry(f"= {source.formula}", none, source, recording)
+        for source in sources.values()
+        if source.formula is not None
+    )
     have = {entry.column for entry in entries}
     wanted = [c for c in answered_columns(ship) if c in COSTS and c not in have]
+    powers = {SHAFT_POWER} if ship.turns_freely else {SHAFT_POWER, ELECTRIC_POWER}
+    if powers & have:  # power over shaft speed is the torque
+        wanted = [c for c in wanted if c != "shaft_torque_N_m"]
     if not ship.moves:
         wanted = [c for c in wanted if c != "ship_speed_m_s"]
     if not ship.has_voltage:
@@ -160,15 +187,35 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     begin = tuple(first_map(ship, left, raw.attrs.get("units", {}), have))
     if recording is not None and not any(line.startswith('"') for line in begin):
         begin = ()
-    odd = () if recording is None else tuple(remarks(recording, ship))
     return Survey(
         path, entries, absent, recording, refused, layout.words() if layout else "", begin, odd
     )
 
 
+def _named(parts: Sequence[Recording]) -> Iterator[str]:
+    """Warnings on the parts of a recording, each with its part where there are several."""
+    for number, part in enumerate(parts, 1):
+        for said in part.warnings:
+            several = len(parts) > 1 and not said.startswith(CUT)
+            yield f"part {number}: {said}" if several else said
+
+
 def _entry(
-    name: str, values: pd.Series, source: Source | Heard | None, recording: Recording | None
+    name: str,
+    values: pd.Series,
+    source: Source | Heard | None,
+    recording: Recording | None,
+    used: bool = False,
 ) -> Entry:
+    """Return what is understood of a column.
+
+    Args:
+        name: in the file, or the formula.
+        values: as recorded.
+        source: of the column map, or none.
+        recording: None where it is refused.
+        used: whether the column map uses it, be it in a formula.
+    """
     known = source.column if source is not None else name if name in COLUMNS else ""
     if recording is not None:
         heard = {
@@ -182,6 +229,9 @@ def _entry(
         unit = recording.signals.get(column) or BOUNDS.get(column, ("", "", ""))[2]
     else:
         column, unit = known, "as recorded"
+        numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
+    if not column and used:
+        column, unit = "in a formula", "as recorded"
         numbers = pd.to_numeric(values, errors="coerce").dropna().to_numpy(dtype=float)
     low, high = (numbers.min(), numbers.max()) if len(numbers) else (np.nan, np.nan)
     return Entry(name, column, unit, float(low), float(high), int(values.isna().sum()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import itertools
 import re
 import warnings
 from pathlib import Path
@@ -17,6 +18,9 @@ from ...plant.recording import RecordingError
 
 LONGEST_GAP = 3
 """Missing samples that are filled in."""
+
+LEAST_OF_ONE = 10
+"""Rows of a recording: parts of a voyage in which the ship sails straight may be as short as this."""
 
 _EVEN = 0.01  # share of the interval by which a step may differ and still be even
 _UNEVEN = 0.05  # share of steps far from the usual above which a recording is called irregular
@@ -157,6 +161,21 @@ def spread(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     ]
 
 
+def parts(time: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Rows between gaps that are too long to be filled in, as (first, one past the last).
+
+    Args:
+        time: [s], shape (n,); one part where it is not finite or falls, which is refused later.
+    """
+    steps = np.diff(time)
+    if not np.isfinite(time).all() or (steps < 0.0).any() or not (steps > 0.0).any():
+        return [(0, len(time))]
+    usual = float(np.median(steps[steps > 0.0]))
+    gaps = np.flatnonzero(steps > (LONGEST_GAP + 1.5) * usual) + 1
+    edges = [0, *map(int, gaps), len(time)]
+    return list(itertools.pairwise(edges))
+
+
 def filled(path: Path, table: pd.DataFrame, known: list[str]) -> tuple[pd.DataFrame, list[str]]:
     """The table with short runs of missing values filled in, and warnings that say how much.
 
@@ -229,7 +248,8 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
         raise RecordingError(
             f"{path}: {TIME}, row {row}: a gap of {steps[row - 2]:.4g} s after {time[row - 2]:g} s "
             f"where {usual:.4g} s is usual ({len(long)} such gaps; up to {LONGEST_GAP} missing "
-            "samples are filled in); cut the recording there and use the parts"
+            "samples are filled in); cut the recording there and use the parts, each of at least "
+            f"{LEAST_OF_ONE} rows"
         )
     uneven = np.abs(steps - usual) > 0.5 * usual
     if not len(gaps) and (np.abs(steps - usual) <= _EVEN * usual).all():

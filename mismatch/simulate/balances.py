@@ -12,12 +12,18 @@ smear over the others, as it does in the channels of an open-loop simulation.
     pitch       P/D - its answer to the command            [-]
     thrust      T - T(w, P/D, v_a), where it is measured   [N]
     current     i - (U - K w) / R, where it is measured    [A]
+    electric-power   P - P(U, w, load), where it is measured, of a drive whose torque is known [W]
+    shaft-power      P - (I_R dw/dt + M_p + M_f) w, where it is measured without a shaft speed [W]
 
 Where a recording has the shaft's angle and not its speed, the speed is the angle's derivative at the
 recording's interval. The residual is a coordinate, not the model: it is formed alike from measured and
 from simulated signals, and what is compared is their difference; so lags and Coulomb friction may be
 left out of it. Without a torque gauge, engine and propeller are one balance. A drive that holds its
 speed has no balance.
+
+Where a power is measured and no torque, power over shaft speed stands for the torque: the shaft's power,
+or of a drive that holds its speed what its electric power delivers by its nominal efficiency. About
+standstill both sides of the balance fade by w^2 / (w^2 + w_0^2), for a power tells no torque there.
 
 On a ship that turns, hull, sway and yaw are her mass matrix times what the measured accelerations have
 more than the plant's own at the measured velocities: centripetal forces, drift and rudder are in it. The
@@ -32,7 +38,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.compiled import Record, compiled
-from ...plant.columns import HEADING, RUDDER, SHAFT_ANGLE, SHAFT_SPEED, SWAY_SPEED, YAW_RATE
+from ...plant.columns import (
+    ELECTRIC_POWER,
+    HEADING,
+    RUDDER,
+    SHAFT_ANGLE,
+    SHAFT_POWER,
+    SHAFT_SPEED,
+    SWAY_SPEED,
+    YAW_RATE,
+)
+from ...plant.drives.prime_mover import delivered_power
 from ...plant.dynamics import loads
 from ...plant.manoeuvring import planar_acceleration, planar_inertia
 from ...plant.shaft import inertia_behind_gauge
@@ -45,9 +61,12 @@ Channels = dict[str, NDArray[np.float64]]
 
 RATES = ("surge_rate", "sway_rate", "yaw_rate_rate")
 ACTING = np.dtype(
-    [(name, np.float64) for name in ("drive", "load", "thrust", "push", "drag", "current", *RATES)]
-)
-"""The plant's loads at a sample [N m, N, A]; of a ship that turns, its accelerations [m/s2, rad/s2]."""
+    [(name, np.float64) for name in (
+        "drive", "load", "thrust", "push", "drag", "current", "electric", *RATES
+    )]
+)  # fmt: skip
+"""The plant's loads at a sample [N m, N, A, W]; of a ship that turns, its accelerations
+[m/s2, rad/s2]."""
 
 
 @compiled
@@ -75,6 +94,7 @@ def _loads_at(
         found[k].push = acting.push
         found[k].drag = acting.resistance
         found[k].current = acting.motor_current
+        found[k].electric = acting.electric_power
         if plant.turns != 0:
             surge, sway, yaw = planar_acceleration(
                 plant, acting.ahead, acting.across, state.yaw_rate, state.heading,
@@ -84,8 +104,24 @@ def _loads_at(
             found[k].surge_rate, found[k].sway_rate, found[k].yaw_rate_rate = surge, sway, yaw
 
 
-PART_OF = {"thrust": "propeller", "current": "motor", "load": "motor"}
+PART_OF = {
+    "thrust": "propeller", "current": "motor", "load": "motor", "electric-power": "motor",
+    "shaft-power": "propeller",
+}  # fmt: skip
 """The plant's balance to which a residual belongs that has a name of its own."""
+
+
+STANDSTILL = 0.05
+"""Share of the shaft speed's rms at which a power tells half of the torque."""
+
+
+@compiled
+def _delivered(plant: Record, electric: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mechanical power [W] of a drive at each electric power [W]."""
+    found = np.empty_like(electric)
+    for k in range(len(electric)):
+        found[k] = delivered_power(plant, electric[k])
+    return found
 
 
 def rate(values: NDArray[np.float64], interval_s: float) -> NDArray[np.float64]:
@@ -114,14 +150,16 @@ class Balances:
         # a jump at standstill makes a torque of one sign of a noisy speed's wander about 0
         self._prompt["coulomb_engine_side"] = self._prompt["coulomb_propeller_side"] = 0.0
         self.moving = replay.ship.moves and "ship_speed_m_s" in replay.channels
-        self.gauged = "shaft_torque_N_m" in replay.channels and self._moved("shaft_torque_N_m")
+        held = not replay.ship.turns_freely
+        turning = held or SHAFT_SPEED in replay.channels or SHAFT_ANGLE in replay.channels
+        self.gauge = self._gauge_of(turning, held)
+        self.gauged = bool(self.gauge)
         self.prime_mover = replay.ship.drive_balance
         rows = []
         # what never moves is known no better than its unknown resolution
         if replay.controllable and self._moved("pitch_ratio"):
             rows.append(("pitch-actuator", "-"))
-        held = not replay.ship.turns_freely
-        if held or SHAFT_SPEED in replay.channels or SHAFT_ANGLE in replay.channels:
+        if turning:
             if not held:
                 rows.append((self.prime_mover, "N m"))
             if self.gauged:
@@ -137,6 +175,10 @@ class Balances:
             rows.append(("thrust", "N"))
         if self._moved("motor_current_A") and replay.ship.has_voltage:
             rows.append(("current", "A"))
+        if self._moved(ELECTRIC_POWER) and self.gauge != ELECTRIC_POWER:
+            rows.append(("electric-power", "W"))
+        if self._moved(SHAFT_POWER) and not turning:
+            rows.append(("shaft-power", "W"))
         self.names = [name for name, _ in rows]
         self.units = [unit for _, unit in rows]
         nominal = replay.simulate(self.plant)
@@ -146,6 +188,18 @@ class Balances:
         # where a neighbour is not measured, its nominal simulation stands in
         self._pitch = np.ascontiguousarray(nominal["pitch_ratio"])
         self._speed = np.ascontiguousarray(nominal["ship_speed"])
+
+    def _gauge_of(self, turning: bool, held: bool) -> str:
+        """Return the column that tells the torque at the gauge; empty where none does.
+
+        Args:
+            turning: whether the shaft's speed is known.
+            held: whether the drive holds it.
+        """
+        known = ["shaft_torque_N_m"]
+        if turning:
+            known += [SHAFT_POWER, *([ELECTRIC_POWER] if held else [])]
+        return next((c for c in known if c in self.replay.channels and self._moved(c)), "")
 
     def _moved(self, *columns: str) -> bool:
         """Whether any of these was recorded and did not stand still."""
@@ -171,6 +225,7 @@ class Balances:
             replay.elevation_rows, acting,
         )  # fmt: skip
         acceleration, speed = rate(omega, dt), states["ship_speed"]
+        gauge, share = self._gauge_torque(channels, omega)
         planar = self._planar_forces(states, acting) if self.turning else {}
         left = float(plant["inertia_engine_side"])
         right = inertia_behind_gauge(plant)
@@ -180,12 +235,11 @@ class Balances:
                 found.append(channels["pitch_ratio"] - self.nominal["pitch_ratio"])
             elif name == self.prime_mover:
                 if self.gauged:
-                    gauge = channels["shaft_torque_N_m"]
-                    found.append(left * acceleration + gauge - acting["drive"])
+                    found.append(share * (left * acceleration - acting["drive"]) + gauge)
                 else:
                     found.append((left + right) * acceleration + acting["load"] - acting["drive"])
             elif name in ("propeller", "load"):
-                found.append(right * acceleration + acting["load"] - channels["shaft_torque_N_m"])
+                found.append(share * (right * acceleration + acting["load"]) - gauge)
             elif name in planar:
                 found.append(planar[name])
             elif name == "hull":
@@ -194,9 +248,28 @@ class Balances:
                 )
             elif name == "thrust":
                 found.append(channels["thrust_N"] - acting["thrust"])
+            elif name == "electric-power":
+                inertial = 0.0 if replay.ship.turns_freely else right * acceleration * omega
+                found.append(channels[ELECTRIC_POWER] - acting["electric"] - inertial)
+            elif name == "shaft-power":
+                found.append(channels[SHAFT_POWER] - (right * acceleration + acting["load"]) * omega)
             else:
                 found.append(channels["motor_current_A"] - acting["current"])
         return np.array(found)
+
+    def _gauge_torque(
+        self, channels: Channels, omega: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], Any]:
+        """Torque [N m] at the gauge, shape (rows,), and the share of it that its instrument tells."""
+        if self.gauge in ("", "shaft_torque_N_m"):
+            return channels.get(self.gauge, np.zeros_like(omega)), 1.0
+        power = channels[self.gauge]
+        if self.gauge == ELECTRIC_POWER:
+            power = _delivered(self.plant, power)
+        usual = float(np.sqrt(np.mean(np.square(self.nominal_samples["shaft_speed"]))))
+        slow = STANDSTILL * max(usual, 1e-9)
+        below = omega**2 + slow**2
+        return power * omega / below, omega**2 / below
 
     def _states(self, channels: Channels, omega: NDArray[np.float64]) -> Any:
         """Measured states, the nominal ones where a channel is not there; STATE records (rows,)."""

@@ -170,10 +170,10 @@ class OutputError:
         """
         nuisance, scale = model.nuisance.copy(), 0.3
         for run, (a, b) in enumerate(self.replay.segments):
-            if np.any((self.rows >= a) & (self.rows < b)):
+            own = [3 * run + k for k in range(3) if self.starts[3 * run + k] > 0.0]
+            if not own or np.any((self.rows >= a) & (self.rows < b)):
                 continue
             first = slice(0, max(2, min(FIRST_ROWS, (b - a) // 4)))
-            own = [3 * run + k for k in range(3) if self.starts[3 * run + k] > 0.0]
             for _ in range(3):
                 here = self.channels_of_run(run, model.effects, model.shifts, nuisance)
                 columns = []

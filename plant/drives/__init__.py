@@ -10,6 +10,7 @@ from typing import NamedTuple
 from ...core.compiled import Real, Record, compiled
 from .dc_motor import DcMotor, drive_motor
 from .diesel import Diesel, drive_diesel
+from .prime_mover import supplied_power
 from .speed_source import SpeedSource, holding_torque
 from .torque_source import TorqueSource, source_torque
 
@@ -28,6 +29,7 @@ class Driven(NamedTuple):
     brake_torque_rate: Real  # of a torque that lags [N m/s]
     current: Real  # of a motor [A]
     current_rate: Real  # of a motor with inductance [A/s]
+    voltage: Real  # at a motor's armature [V]
     charge_rate: Real  # of a diesel's charge air [1/s]
     warmth_rate: Real  # of a diesel's parts [1/s]
 
@@ -52,20 +54,39 @@ def driven(plant: Record, engine_speed: Real, demand: Real, states: Driving) -> 
             known by its load (:func:`holding_torque`); it is 0 here.
         states: of whatever lags.
     """
-    torque_rate = current = current_rate = charge_rate = warmth_rate = 0.0
+    torque_rate = current = current_rate = voltage = charge_rate = warmth_rate = 0.0
     if plant.prime_mover == DIESEL:
         torque, torque_rate, charge_rate, warmth_rate = drive_diesel(
             plant, engine_speed, demand, states.brake_torque, states.charge, states.warmth
         )
     elif plant.prime_mover == DC_MOTOR:
-        torque, current, current_rate = drive_motor(
+        torque, current, current_rate, voltage = drive_motor(
             plant, engine_speed, demand, states.motor_current
         )
     elif plant.speed_held != 0:
         torque = 0.0
     else:
         torque = source_torque(plant, demand)
-    return Driven(torque, torque_rate, current, current_rate, charge_rate, warmth_rate)
+    return Driven(torque, torque_rate, current, current_rate, voltage, charge_rate, warmth_rate)
+
+
+@compiled
+def electric_power(
+    plant: Record, mover: Driven, brake_torque: Real, engine_speed: Real
+) -> Real:
+    """Electric power [W] that a drive takes from its supply; 0 of a diesel.
+
+    Args:
+        plant: ship record.
+        mover: what the drive does; of a DC motor the power is its voltage times its current.
+        brake_torque: M_b [N m].
+        engine_speed: omega_e [rad/s].
+    """
+    if plant.prime_mover == DIESEL:
+        return 0.0 * engine_speed
+    if plant.prime_mover == DC_MOTOR:
+        return mover.voltage * mover.current
+    return supplied_power(plant, brake_torque * engine_speed)
 
 
 __all__ = [
@@ -78,5 +99,6 @@ __all__ = [
     "SpeedSource",
     "TorqueSource",
     "driven",
+    "electric_power",
     "holding_torque",
 ]

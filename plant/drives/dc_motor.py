@@ -32,6 +32,7 @@ class DcMotor(PrimeMover):
 
     code: ClassVar[int] = 1
     balance: ClassVar[str] = "motor"
+    electric: ClassVar[bool] = True
     demand: ClassVar[Signal] = Signal(
         "motor_voltage_demand", "U", "V", -1e5, 1e5, "demand", "motor_voltage_V",
         "voltage demanded of the motor's supply",
@@ -196,8 +197,8 @@ def steady_motor_current(plant: Record, voltage: Real, motor_speed: Real) -> Rea
 @compiled
 def drive_motor(
     plant: Record, motor_speed: Real, demand: Real, current: Real
-) -> tuple[Real, Real, Real]:
-    """Torque [N m] of the motor, its current [A], and di/dt [A/s] where it has inductance.
+) -> tuple[Real, Real, Real, Real]:
+    """Torque [N m] of the motor, its current [A], di/dt [A/s] with inductance, and its voltage [V].
 
     Args:
         plant: ship record; ``armature_inductance`` 0 leaves the current without dynamics.
@@ -211,4 +212,4 @@ def drive_motor(
         rate = motor_current_rate(plant, voltage, motor_speed, current)
     else:
         current = steady_motor_current(plant, voltage, motor_speed)
-    return with_offset(plant, motor_torque(plant, current, motor_speed)), current, rate
+    return with_offset(plant, motor_torque(plant, current, motor_speed)), current, rate, voltage

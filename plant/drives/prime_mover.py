@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...core.compiled import Real, Record, compiled
-from ..keys import INF, Section, effect
+from ..keys import INF, Section, effect, number
 from ..signals import Signal
 from ..validity import Validity
 
@@ -22,6 +22,8 @@ class PrimeMover(Section):
     """Whether the shaft's speed is its demand; the shaft's balance is then not simulated."""
     gives_torque: ClassVar[bool] = False
     """Whether it gives the torque that it is told."""
+    electric: ClassVar[bool] = False
+    """Whether it takes electric power, which a recording may have."""
     demand: ClassVar[Signal]
     """What commands it."""
     steady_keys: ClassVar[tuple[str, ...]] = ()
@@ -83,6 +85,42 @@ def torque_offset() -> Any:
         0.0, "torque that the motor has beside what is demanded of it; positive drives ahead", "N m",
         record="torque_offset", ge=-1e8, le=1e8,
     )  # fmt: skip
+
+
+def drive_efficiency() -> Any:
+    """The key of the efficiency with which a drive turns electric power into mechanical power."""
+    return number(
+        "mechanical power of the drive / electric power, idle power apart; while the drive brakes, "
+        "electric / mechanical", record="drive_efficiency", gt=0, le=1, default=1.0,
+    )  # fmt: skip
+
+
+def idle_power() -> Any:
+    """The key of the electric power that a drive takes whatever it does."""
+    return number(
+        "electric power that the drive takes at no load and at standstill", "W",
+        record="idle_power", ge=0, le=1e8, default=0.0,
+    )  # fmt: skip
+
+
+@compiled
+def supplied_power(plant: Record, mechanical: Real) -> Real:
+    """Electric power [W] of a drive that gives mechanical power [W]: P / eta + P_0.
+
+    A drive that brakes (P below 0) gives eta P back.
+    """
+    if mechanical.real >= 0.0:
+        return mechanical / plant.drive_efficiency + plant.idle_power
+    return mechanical * plant.drive_efficiency + plant.idle_power
+
+
+@compiled
+def delivered_power(plant: Record, electric: Real) -> Real:
+    """Mechanical power [W] of a drive that takes electric power [W]: :func:`supplied_power` inverted."""
+    net = electric - plant.idle_power
+    if net.real >= 0.0:
+        return net * plant.drive_efficiency
+    return net / plant.drive_efficiency
 
 
 @compiled

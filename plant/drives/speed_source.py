@@ -11,7 +11,7 @@ from ...core.compiled import Real, Record, compiled
 from ..keys import number
 from ..shaft import shaft_inertia
 from ..signals import Signal
-from .prime_mover import PrimeMover, fill_two_way
+from .prime_mover import PrimeMover, drive_efficiency, fill_two_way, idle_power
 
 
 class SpeedSource(PrimeMover):
@@ -22,16 +22,19 @@ class SpeedSource(PrimeMover):
     code: ClassVar[int] = 3
     balance: ClassVar[str] = ""
     holds_speed: ClassVar[bool] = True
+    electric: ClassVar[bool] = True
     demand: ClassVar[Signal] = Signal(
-        "shaft_speed", "omega", "rad/s", -1e3, 1e3, "demand", "shaft_speed_rad_s",
+        "shaft_speed", "omega", "rad/s", -1e4, 1e4, "demand", "shaft_speed_rad_s",
         "speed at which the propeller shaft is held",
     )  # fmt: skip
     derived: ClassVar[tuple[tuple[Any, ...], ...]] = (("speed_held", np.int64),)
 
     speed_max_rad_s: float = number(
         "highest speed of the propeller shaft, either way", "rad/s", record="drive_max",
-        gt=0, le=1e3,
+        gt=0, le=1e4,
     )  # fmt: skip
+    drive_efficiency: float = drive_efficiency()
+    idle_power_W: float = idle_power()
 
     def fill(self, record: Any) -> None:
         """Its numbers; speeds go either way, and have no rack."""

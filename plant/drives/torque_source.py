@@ -10,7 +10,15 @@ from ...core.compiled import Real, Record, compiled
 from ..keys import number
 from ..signals import Signal
 from ..validity import Validity
-from .prime_mover import PrimeMover, end_stops, fill_two_way, torque_offset, with_offset
+from .prime_mover import (
+    PrimeMover,
+    drive_efficiency,
+    end_stops,
+    fill_two_way,
+    idle_power,
+    torque_offset,
+    with_offset,
+)
 
 
 class TorqueSource(PrimeMover):
@@ -21,6 +29,7 @@ class TorqueSource(PrimeMover):
     code: ClassVar[int] = 2
     balance: ClassVar[str] = "motor"
     gives_torque: ClassVar[bool] = True
+    electric: ClassVar[bool] = True
     demand: ClassVar[Signal] = Signal(
         "motor_torque_demand", "M_d", "N m", -1e8, 1e8, "demand", "motor_torque_N_m",
         "torque demanded of the drive",
@@ -37,6 +46,8 @@ class TorqueSource(PrimeMover):
 
     torque_max_N_m: float = number("torque limit", "N m", record="drive_max", gt=0, le=1e8)
     torque_offset_N_m: float = torque_offset()
+    drive_efficiency: float = drive_efficiency()
+    idle_power_W: float = idle_power()
 
     def fill(self, record: Any) -> None:
         """Its numbers; demands go either way, and have no rack."""

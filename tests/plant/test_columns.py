@@ -68,6 +68,8 @@ def test_each_measured_column_has_the_signal_that_answers_it() -> None:
         *MEASURED_ON_ANY_SHIP,
         "thrust_N",
         "motor_current_A",
+        "shaft_power_W",
+        "electric_power_W",
         "shaft_angle_rad",
         *IN_A_TURN,
     )

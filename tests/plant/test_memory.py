@@ -22,7 +22,7 @@ from shaftline.plant.memory import (
 from shaftline.plant.state import Outputs, State
 
 DT = 0.05
-OUTPUTS = Outputs(1.3, 7.9, 2e5, 8e4, 9e4, 1.3e4, 0.0, 2e5, 0.0, 0.2, 4.0)
+OUTPUTS = Outputs(1.3, 7.9, 2e5, 8e4, 9e4, 1.3e4, 0.0, 2e5, 0.0, 0.2, 4.0, 9e5, 0.0)
 STATE = State(1.31, 10.0, 8.0, 5.0, 0.0, 0.0, 0.0, 0.0)
 
 

@@ -99,7 +99,7 @@ def test_samples_are_the_outputs_of_single_steps(
             "measured_shaft_speed": memory["shaft_speed"],
             "ship_speed": now.ship_speed, "ventilation": now.ventilation, "position": now.position,
             "shaft_angle": now.shaft_angle, "sway_speed": 0.0, "yaw_rate": 0.0, "heading": 0.0,
-            "cross_track": 0.0,
+            "cross_track": 0.0, "shaft_power": memory["shaft_torque"] * memory["shaft_speed"],
         }  # fmt: skip
         for name in SAMPLE.names or ():
             value = expected.get(name, getattr(out, name, None))

@@ -111,21 +111,22 @@ def test_an_offset_adds_to_the_torque_and_not_to_the_current(current: float) -> 
     speed = 150.0
     voltage = CONSTANT * speed + float(plant["armature_resistance"]) * current
     plant["armature_inductance"] = 0.0
-    torque, found, _ = drive_motor(plant, speed, voltage, 0.0)
+    torque, found, *_ = drive_motor(plant, speed, voltage, 0.0)
     assert found == pytest.approx(current, abs=1e-12)
     assert torque == pytest.approx(CONSTANT * current - 0.004, abs=1e-14)
 
 
 def test_a_motor_with_inductance_has_a_current_of_its_own() -> None:
     plant = tug(supply_limit_V=6.0).record()
-    torque, current, rate = drive_motor(plant, 200.0, 9.0, 0.5)
+    torque, current, rate, voltage = drive_motor(plant, 200.0, 9.0, 0.5)
+    assert voltage == 6.0
     assert (torque, current) == (pytest.approx(0.5 * CONSTANT), 0.5)
     assert rate == pytest.approx((6.0 - 3.66 - 0.755) / INDUCTANCE, rel=1e-12)
 
 
 def test_a_motor_without_inductance_has_its_steady_current() -> None:
     plant = tug(armature_inductance_H=0.0, supply_limit_V=6.0).record()
-    torque, current, rate = drive_motor(plant, 200.0, 9.0, 99.0)
+    torque, current, rate, _ = drive_motor(plant, 200.0, 9.0, 99.0)
     assert current == pytest.approx((6.0 - 3.66) / RESISTANCE)
     assert torque == pytest.approx(CONSTANT * (6.0 - 3.66) / RESISTANCE)
     assert rate == 0.0
