@@ -34,8 +34,8 @@ MEASURED = {
     SHAFT_SPEED: "measured_shaft_speed",
     "shaft_torque_N_m": "measured_shaft_torque",
     "ship_speed_m_s": "measured_ship_speed",
-    "thrust_N": "thrust",
-    "motor_current_A": "motor_current",
+    "thrust_N": "measured_thrust",
+    "motor_current_A": "measured_motor_current",
     SHAFT_ANGLE: "shaft_angle",
     SWAY_SPEED: "sway_speed",
     YAW_RATE: "yaw_rate",
@@ -79,7 +79,7 @@ def answered_columns(ship: Ship) -> list[str]:
 
 def foreign_columns(ship: Ship) -> set[str]:
     """Columns of what the ship does not have: an armature, a rudder."""
-    current = set() if ship.has_voltage else {"motor_current_A"}
+    current = set() if ship.has_voltage else {"motor_current_A", "true_motor_current_A"}
     return current if ship.turns else {*current, *IN_A_TURN, RUDDER_COMMAND}
 
 

@@ -10,7 +10,15 @@ from ...core.compiled import Real, Record, compiled
 from ..keys import number
 from ..signals import Signal
 from ..validity import Validity
-from .prime_mover import PrimeMover, end_stops, fill_two_way, torque_offset, with_offset
+from .prime_mover import (
+    PrimeMover,
+    command_delay,
+    command_lag,
+    end_stops,
+    fill_two_way,
+    torque_offset,
+    with_offset,
+)
 
 
 class TorqueSource(PrimeMover):
@@ -37,6 +45,13 @@ class TorqueSource(PrimeMover):
 
     torque_max_N_m: float = number("torque limit", "N m", record="drive_max", gt=0, le=1e8)
     torque_offset_N_m: float = torque_offset()
+    command_delay_s: float = command_delay()
+    command_lag_s: float = command_lag()
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Return the dead time of the command [s], by its key."""
+        return {"prime_mover.command_delay_s": self.command_delay_s}
 
     def fill(self, record: Any) -> None:
         """Its numbers; demands go either way, and have no rack."""
