@@ -80,7 +80,7 @@ class Effect:
             parameters are keys of the ship's file.
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
             ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``, ``reverses``; beside having
-            the balance and the keys.
+            the balance and the keys. ``not moves`` is a ship without that property.
         straight: a ship that does not turn has it only where the recording does not turn either.
     """
 
@@ -118,7 +118,7 @@ class Effect:
         """Whether a ship can have the effect."""
         if self.balance not in ship.balances:
             return False
-        if not all(getattr(ship, what) for what in self.applies_to):
+        if not all(_has(ship, what) for what in self.applies_to):
             return False
         try:
             host = self.on(ship)
@@ -137,6 +137,12 @@ class Effect:
     def label(self) -> str:
         """Id and balance, for friction may act in several; and the form where there are some."""
         return f"{self.id} ({self.balance}{', ' + self.form if self.form else ''})"
+
+
+def _has(ship: Ship, what: str) -> bool:
+    """Return whether a ship has a property, or lacks one that ``not`` stands before."""
+    wanted = not what.startswith("not ")
+    return bool(getattr(ship, what.removeprefix("not "))) == wanted
 
 
 @functools.lru_cache(maxsize=256)

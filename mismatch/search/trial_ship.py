@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...plant.columns import SHAFT_ANGLE
 from ...plant.keys import Number
 from ...plant.memory import HISTORY
 from ...plant.propeller import cavitation_number
@@ -203,9 +204,10 @@ def scales(balances: Balances) -> Mapping[str, float]:
     """What the catalogue's probes are counted in, by name: rms, mean or top of a nominal simulation.
 
     Torque [N m] is that of the propeller, or of the drive where there is none, force [N] the resistance,
-    side force [N] of a ship that turns the centripetal one, ``drive`` is in the unit of the prime
-    mover's demand, ``sigma_top`` is the cavitation number at the highest shaft speed, and ``shaft_time``
-    [s] is how long that torque takes to bring the shaft to its speed.
+    side force [N] of a ship that turns the centripetal one. ``drive`` is in the unit of the prime mover's
+    demand. ``interval`` [s] is that from one recorded row to the next. ``sigma_top`` is the cavitation
+    number at the highest shaft speed. ``shaft_time`` [s] is how long that torque takes to bring the shaft
+    to its speed.
     """
     samples, plant = balances.nominal_samples, balances.plant
     omega = np.abs(samples["shaft_speed"])
@@ -218,6 +220,7 @@ def scales(balances: Balances) -> Mapping[str, float]:
     if plant["propeller_model"] == NO_PROPELLER:
         torque = typical(gear * samples["brake_torque"])
     drive = balances.replay.drive_rows
+    angle = typical(balances.replay.recorded.get(SHAFT_ANGLE, 1.0))
     number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
     outside = {
         f"force/{name}/{name}": typical(samples["resistance"]) / typical(heard) ** 2
@@ -237,7 +240,12 @@ def scales(balances: Balances) -> Mapping[str, float]:
         "unit": 1.0,
         "time_step": float(plant["time_step"]),
         "torque/drive": torque / typical(drive),
+        "interval": balances.replay.interval_s / balances.replay.every,
         "torque": torque,
+        "torque/shaft_angle": torque / angle,
+        "shaft_angle": angle,
+        "thrust": typical(samples["thrust"]),
+        "current": typical(samples["motor_current"]),
         "torque/shaft_speed": torque / shaft,
         "torque/shaft_speed/shaft_speed": torque / shaft**2,
         "brake_torque/engine_speed/engine_speed": typical(samples["brake_torque"])

@@ -170,7 +170,7 @@ def test_a_motor_s_command_lags_as_a_first_order_filter() -> None:
         end_step(plant, memory, 0.0, DT)
     before = float(memory["rack"])
     end = begin_step(plant, memory, 1e6, DT)  # towards its end stop alone
-    highest = load_ship("tito-neri-sine").prime_mover.voltage_max_V
+    highest = load_ship("tito-neri-sine").number("prime_mover.voltage_max_V").value
     assert end == pytest.approx(highest + (before - highest) * math.exp(-1.0 / 3.4))
 
 
