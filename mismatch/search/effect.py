@@ -26,6 +26,9 @@ class Parameter:
         term: of which it is a number, where the effect is a term of the ship and not a key of its own.
         least: distance from the neutral value below which something else looks the same, and the
             effect is not named; in the key's own unit.
+        plausible: lowest and highest value that physics allows, in ``plausible_of``; an effect outside
+            is reported, but explains a recording partly at most. None where physics sets no limit.
+        plausible_of: unit of ``plausible``: ``unit`` or a scale, as ``of``.
     """
 
     key: str
@@ -36,6 +39,8 @@ class Parameter:
     least: float = 0.0
     term: Term | None = None
     whole: bool = False
+    plausible: tuple[float, float] | None = None
+    plausible_of: str = "unit"
 
     def number(self, ship: Ship) -> Number:
         """The number of a ship that it is: unit, range, neutral value and place in the record.

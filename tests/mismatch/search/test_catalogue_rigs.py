@@ -12,6 +12,7 @@ import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue, diagnose
 from shaftline.mismatch.search.catalogue import applicable
+from shaftline.mismatch.search.entries import entries_of
 from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.trial_ship import TrialShip
 from shaftline.mismatch.simulate.balances import Balances
@@ -27,7 +28,6 @@ ON_THE_BENCH: list[tuple[str, tuple[float, ...]]] = [
     ("command-lag (motor)", (0.3,)),
     ("coulomb-friction (motor, by-direction)", (0.07, 0.4)),
     ("viscous-friction (motor, by-direction)", (4e-4, -0.6)),
-    ("speed-sensor-gain (sensor)", (1.1,)),
 ]
 
 ON_THE_THRUSTER: list[tuple[str, tuple[float, ...]]] = [
@@ -35,6 +35,7 @@ ON_THE_THRUSTER: list[tuple[str, tuple[float, ...]]] = [
     ("thrust-sensor-bias (sensor)", (6.0,)),
     ("thrust-sensor-lag (sensor)", (0.3,)),
     ("current-sensor-gain (sensor)", (1.12,)),
+    ("speed-sensor-gain (sensor)", (1.1,)),
     ("current-sensor-bias (sensor)", (-0.3,)),
     ("astern-thrust (propeller, thrust-alone)", (-0.3,)),
     ("thrust-loss (propeller)", (-0.2,)),
@@ -185,8 +186,27 @@ def test_effects_of_an_angle_or_a_sensor_ask_for_its_column(servo: Ship) -> None
     assert "thrust-loss" not in ids(load_ship("kvlcc2"), "thrust_N")
     frigate = ids(load_ship("frigate"), "thrust_N", "shaft_torque_N_m", "shaft_speed_rad_s")
     assert not {"astern-thrust", "torque-sensor-lag", "speed-sensor-gain", "command-lag"} & frigate
+    # without the current, another motor constant and inertia would do as well
+    assert "speed-sensor-gain" not in ids(thruster(), "shaft_speed_rad_s")
+    assert "speed-sensor-gain" in ids(thruster(), "shaft_speed_rad_s", "motor_current_A")
     labels = {e.label for e in applicable(thruster(), ["thrust_N"])}
     assert "astern-thrust (propeller, on-a-rig)" not in labels  # the motor's load says the same
+
+
+def test_a_plausible_range_whose_ends_are_swapped_is_refused() -> None:
+    text = """
+[[term]]
+id = "drag"
+balance = "motor"
+acts_on = "load_torque"
+expression = "c * shaft_speed"
+[term.parameters]
+c = { unit = "N m s/rad", probes = [1.0], plausible = [2.0, 1.0] }
+"""
+    with pytest.raises(ValueError, match=r"term drag: parameters\.c: .*low must be below high"):
+        entries_of(text)
+    (own,) = entries_of(text.replace("[2.0, 1.0]", "[0.0, 0.5], plausible_of = 'torque'"))
+    assert (own.parameters[0].plausible, own.parameters[0].plausible_of) == ((0.0, 0.5), "torque")
 
 
 @pytest.mark.parametrize(("label", "values"), ON_THE_SERVO, ids=[e for e, _ in ON_THE_SERVO])
