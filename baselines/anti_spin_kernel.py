@@ -34,7 +34,7 @@ def gauge_jump(ship: Record, engine_speed: float, rack_before: float, rack: floa
     The inertia behind the gauge takes its share of the drive torque's step. An engine with a lag or a
     dead time, or a slow rack, makes no step.
     """
-    if ship.engine_lag > 0.0 or ship.engine_dead_time > 0.0 or math.isfinite(ship.rack_rate_limit):
+    if ship.engine_lag > 0.0 or ship.command_dead_time > 0.0 or math.isfinite(ship.rack_rate_limit):
         return 0.0
     before = diesel_torque(ship, engine_speed, rack_before)
     after = diesel_torque(ship, engine_speed, rack)

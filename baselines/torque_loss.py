@@ -20,7 +20,7 @@ from ..observers.torque_curve import model_torque
 from ..observers.torque_reading import believed, read_at_drive
 from ..plant.propeller_curves import FOUR_QUADRANT
 from ..plant.record import PLANT
-from ..plant.shaft import arctangent_friction, friction_torque, inertia_behind_gauge
+from ..plant.shaft import arctangent_friction, by_direction, friction_torque, inertia_behind_gauge
 from ..plant.ship import Ship
 
 TORQUE_LOSS_OBSERVER = np.dtype(
@@ -164,7 +164,8 @@ def dry_friction(observer: Record, shaft_speed: float) -> float:
     ship = observer.ship
     torque = friction_torque(ship, ship.coulomb_propeller_side, 0.0, shaft_speed)
     if observer.whole_line != 0:
-        torque += friction_torque(ship, ship.coulomb_engine_side, 0.0, shaft_speed)
+        coulomb = by_direction(ship.coulomb_engine_side, ship.coulomb_asymmetry, shaft_speed)
+        torque += friction_torque(ship, coulomb, 0.0, shaft_speed)
         torque += arctangent_friction(ship, shaft_speed)
     return float(torque)
 

@@ -20,7 +20,16 @@ from ..plant.columns import MEASURED
 from ..plant.derivatives import STEP, derivatives
 from ..plant.dynamics import evaluate
 from ..plant.hull import episode_factor
-from ..plant.memory import begin_step, end_step, pitch_read, read_instruments, torque_read
+from ..plant.memory import (
+    begin_step,
+    current_read,
+    end_step,
+    pitch_read,
+    read_instruments,
+    speed_read,
+    thrust_read,
+    torque_read,
+)
 from ..plant.rudder import rudder_angle
 from ..plant.state import Inputs, Outputs, State, get_state, moved, set_state
 from ..plant.stepping import runge_kutta
@@ -83,15 +92,15 @@ def _reading(plant: Record, state: State, outputs: Outputs, helm: float, channel
     if channel == _PITCH:
         return pitch_read(plant, outputs.pitch_ratio)
     if channel == _SPEED:
-        return state.shaft_speed
+        return speed_read(plant, state.shaft_speed)
     if channel == _TORQUE:
         return torque_read(plant, outputs.shaft_torque)
     if channel == _LOG:
         return state.ship_speed
     if channel == _THRUST:
-        return outputs.thrust
+        return thrust_read(plant, outputs.thrust)
     if channel == _CURRENT:
-        return outputs.motor_current
+        return current_read(plant, outputs.motor_current)
     if channel == _SHAFT_POWER:
         return torque_read(plant, outputs.shaft_torque) * state.shaft_speed
     if channel == _ELECTRIC_POWER:

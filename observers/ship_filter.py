@@ -26,7 +26,11 @@ from .base import ObserverError
 
 Floats = NDArray[np.float64]
 
-_LATE = ("torque_delay_s", "speed_delay_s", "speed_lag_s", "speed_log_lag_s")  # of its [sensors]
+_LATE = (
+    "torque_delay_s", "torque_lag_s", "speed_delay_s", "speed_lag_s", "thrust_lag_s",
+    "speed_log_lag_s",
+)  # fmt: skip
+"""Keys of ``[sensors]`` that make an instrument late."""
 
 _OF_THE_INFLOW = (
     "hull.wake_fraction", "hull.wake_slope_s_m", "hull.wake_reference_speed_m_s", "hull.current_m_s",
@@ -188,7 +192,7 @@ class ShipFilter:
         plant["rudder_lag"], model.twin[0]["rudder_lag"] = lag, lag
         inflow = replay.inflow(plant)
         begin = replay.first_inputs(inflow)
-        first = settled(plant, replay.first_state(), begin)
+        first = settled(plant, replay.first_state(plant=plant), begin)
         if not self.ship.turns_freely:
             begin = begin._replace(drive=first.shaft_speed)
         _, outputs = evaluate(plant, first, begin, first.pitch_ratio)

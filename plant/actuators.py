@@ -103,3 +103,15 @@ def rack_travel(plant: Record, demand: float, rack_before: float, dt: float) -> 
     moves = abs(way) / reach  # share of the step in which the rack moves
     start = before + way * (1.0 - moves) * (1.0 - 2.0 * moves)
     return RackTravel(min(max(start, low), high), demand - 0.5 * way * moves * moves, demand)
+
+
+@compiled
+def lagged_travel(plant: Record, demand: float, before: float, dt: float) -> RackTravel:
+    """Return the command of an electric drive over a step of ``dt`` seconds, behind its lag.
+
+    The values at start, middle and end are exact for a command that is held over the step.
+    """
+    demand = min(max(demand, plant.drive_min), plant.drive_max)
+    way = before - demand
+    half = math.exp(-0.5 * dt / plant.command_lag)
+    return RackTravel(before, demand + half * way, demand + half * half * way)

@@ -36,8 +36,8 @@ MEASURED = {
     SHAFT_SPEED: "measured_shaft_speed",
     "shaft_torque_N_m": "measured_shaft_torque",
     "ship_speed_m_s": "measured_ship_speed",
-    "thrust_N": "thrust",
-    "motor_current_A": "motor_current",
+    "thrust_N": "measured_thrust",
+    "motor_current_A": "measured_motor_current",
     SHAFT_POWER: "shaft_power",
     ELECTRIC_POWER: "electric_power",
     SHAFT_ANGLE: "shaft_angle",
@@ -84,7 +84,7 @@ def answered_columns(ship: Ship) -> list[str]:
 
 def foreign_columns(ship: Ship) -> set[str]:
     """Columns of what the ship does not have: an armature, an electric drive, a rudder."""
-    absent = set() if ship.has_voltage else {"motor_current_A"}
+    absent = set() if ship.has_voltage else {"motor_current_A", "true_motor_current_A"}
     absent |= set() if ship.prime_mover.electric else {ELECTRIC_POWER}
     return absent if ship.turns else {*absent, *IN_A_TURN, RUDDER_COMMAND}
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled
-from .actuators import rack_travel
+from .actuators import lagged_travel, rack_travel
 from .keys import Section, effect
 from .state import Outputs, State
 
@@ -31,12 +31,38 @@ class Sensors(Section):
     torque_delay_s: float = effect(
         0.0, "delay of the torque signal", "s", record="torque_sensor_delay", ge=0, le=6
     )
+    torque_lag_s: float = effect(
+        0.0, "first-order lag of the torque signal", "s", record="torque_sensor_lag", ge=0, le=60
+    )
+    speed_gain: float = effect(
+        1.0, "shaft speed read per shaft speed, as of a wrong pulse count", record="speed_sensor_gain",
+        needs="turns_freely", gt=0, le=3,
+    )  # fmt: skip
     speed_delay_s: float = effect(
         0.0, "delay of the shaft speed's signal", "s", record="speed_sensor_delay", ge=0, le=6
     )
     speed_lag_s: float = effect(
         0.0, "first-order lag of the shaft speed's signal", "s", record="speed_sensor_lag",
         ge=0, le=60,
+    )  # fmt: skip
+    thrust_gain: float = effect(
+        1.0, "thrust read per thrust", record="thrust_sensor_gain", needs="has_propeller", gt=0, le=3
+    )
+    thrust_bias_N: float = effect(
+        0.0, "thrust read at no thrust", "N", record="thrust_sensor_bias", needs="has_propeller",
+        ge=-1e7, le=1e7,
+    )  # fmt: skip
+    thrust_lag_s: float = effect(
+        0.0, "first-order lag of the thrust signal", "s", record="thrust_sensor_lag",
+        needs="has_propeller", ge=0, le=60,
+    )  # fmt: skip
+    current_gain: float = effect(
+        1.0, "motor current read per current", record="current_sensor_gain", needs="has_voltage",
+        gt=0, le=3,
+    )  # fmt: skip
+    current_bias_A: float = effect(
+        0.0, "motor current read at no current", "A", record="current_sensor_bias",
+        needs="has_voltage", ge=-1e4, le=1e4,
     )  # fmt: skip
     speed_log_lag_s: float = effect(
         0.0, "first-order lag of the speed log", "s", record="speed_log_lag", needs="moves",
@@ -61,8 +87,15 @@ MEMORY = np.dtype(
         ("speed_log", np.float64),  # reading of the speed log [m/s]
         ("shaft_torque", np.float64),  # reading of the torque gauge [N m]
         ("shaft_speed", np.float64),  # reading of the shaft's speed sensor [rad/s]
-        ("speed", np.float64, (2,)),  # of the shaft, at this step's start and the last's [rad/s]
-        ("lagged_speed", np.float64, (2,)),  # behind the sensor's lag, likewise [rad/s]
+        ("thrust", np.float64),  # reading of the thrust sensor [N]
+        ("motor_current", np.float64),  # reading of the current sensor [A]
+        # what goes into a lag and what comes out of it, at this step's start and the last's
+        ("true_speed", np.float64, (2,)),  # of the shaft [rad/s]
+        ("lagged_speed", np.float64, (2,)),
+        ("true_torque", np.float64, (2,)),  # at the gauge, late by its delay [N m]
+        ("lagged_torque", np.float64, (2,)),
+        ("true_thrust", np.float64, (2,)),  # [N]
+        ("lagged_thrust", np.float64, (2,)),
         ("pitch_ratio", np.float64),  # reading of the pitch sensor [-]
         ("cursor", np.int64),
         ("demands", np.float64, (HISTORY,)),
@@ -100,16 +133,34 @@ def _lagged(lagged: float, before: float, now: float, steps: float) -> float:
 
 
 @compiled
+def _behind_lag(true: Any, lagged: Any, now: float, steps: float) -> float:
+    """Return an instrument's output behind its lag, and keep it with its input.
+
+    Args:
+        true: inputs at this step's start and the last's, shape (2,); the first is written.
+        lagged: outputs, likewise.
+        now: input.
+        steps: length of a step in time constants.
+    """
+    true[0] = now
+    lagged[0] = _lagged(lagged[1], true[1], now, steps)
+    return float(lagged[0])
+
+
+@compiled
 def begin_step(plant: Record, memory: Record, demand: float, dt: float) -> float:
-    """Pass a drive demand through dead time, rate limit and end stops.
+    """Pass a drive demand through dead time, lag or rate limit, and end stops.
 
     Returns:
         The drive's input at the step's end; the memory holds those at its start and middle too.
     """
-    if plant.engine_dead_time > 0.0:
+    if plant.command_dead_time > 0.0:
         memory.demands[memory.cursor % HISTORY] = demand
-        demand = _delayed(memory.demands, memory.cursor, plant.engine_dead_time / dt)
-    travel = rack_travel(plant, demand, memory.rack, dt)
+        demand = _delayed(memory.demands, memory.cursor, plant.command_dead_time / dt)
+    if plant.command_lag > 0.0:
+        travel = lagged_travel(plant, demand, memory.rack, dt)
+    else:
+        travel = rack_travel(plant, demand, memory.rack, dt)
     memory.rack_start, memory.rack_middle, memory.rack = travel
     return float(memory.rack)
 
@@ -122,8 +173,26 @@ def pitch_read(plant: Record, pitch_ratio: Real) -> Real:
 
 @compiled
 def torque_read(plant: Record, torque: Real) -> Real:
-    """What the gauge reads of a torque [N m], its delay apart."""
+    """Return the torque [N m] that the gauge measures, its delay and lag apart."""
     return plant.torque_sensor_gain * torque + plant.torque_sensor_bias
+
+
+@compiled
+def speed_read(plant: Record, shaft_speed: Real) -> Real:
+    """Return the shaft speed [rad/s] that its sensor measures, its lag and delay apart."""
+    return plant.speed_sensor_gain * shaft_speed
+
+
+@compiled
+def thrust_read(plant: Record, thrust: Real) -> Real:
+    """Return the thrust [N] that its sensor measures, its lag apart."""
+    return plant.thrust_sensor_gain * thrust + plant.thrust_sensor_bias
+
+
+@compiled
+def current_read(plant: Record, current: Real) -> Real:
+    """Return the motor current [A] that its sensor measures."""
+    return plant.current_sensor_gain * current + plant.current_sensor_bias
 
 
 @compiled
@@ -140,17 +209,23 @@ def read_instruments(
     if plant.torque_sensor_delay > 0.0:
         memory.torques[memory.cursor % HISTORY] = torque
         torque = _delayed(memory.torques, memory.cursor, plant.torque_sensor_delay / dt)
+    if plant.torque_sensor_lag > 0.0:
+        steps = dt / plant.torque_sensor_lag
+        torque = _behind_lag(memory.true_torque, memory.lagged_torque, torque, steps)
     memory.shaft_torque = torque_read(plant, torque)
+    thrust = outputs.thrust
+    if plant.thrust_sensor_lag > 0.0:
+        steps = dt / plant.thrust_sensor_lag
+        thrust = _behind_lag(memory.true_thrust, memory.lagged_thrust, thrust, steps)
+    memory.thrust = thrust_read(plant, thrust)
+    memory.motor_current = current_read(plant, outputs.motor_current)
     if plant.speed_sensor_lag > 0.0:
-        memory.speed[0] = shaft_speed
-        shaft_speed = _lagged(
-            memory.lagged_speed[1], memory.speed[1], shaft_speed, dt / plant.speed_sensor_lag
-        )
-        memory.lagged_speed[0] = shaft_speed
+        steps = dt / plant.speed_sensor_lag
+        shaft_speed = _behind_lag(memory.true_speed, memory.lagged_speed, shaft_speed, steps)
     if plant.speed_sensor_delay > 0.0:
         memory.speeds[memory.cursor % HISTORY] = shaft_speed
         shaft_speed = _delayed(memory.speeds, memory.cursor, plant.speed_sensor_delay / dt)
-    memory.shaft_speed = shaft_speed
+    memory.shaft_speed = speed_read(plant, shaft_speed)
 
 
 @compiled
@@ -158,7 +233,9 @@ def end_step(plant: Record, memory: Record, ship_speed: float, dt: float) -> Non
     """Count the step, let the rack stand and the speed log follow."""
     memory.rack_start = memory.rack_middle = memory.rack
     memory.cursor += 1
-    memory.speed[1], memory.lagged_speed[1] = memory.speed[0], memory.lagged_speed[0]
+    memory.true_speed[1], memory.lagged_speed[1] = memory.true_speed[0], memory.lagged_speed[0]
+    memory.true_torque[1], memory.lagged_torque[1] = memory.true_torque[0], memory.lagged_torque[0]
+    memory.true_thrust[1], memory.lagged_thrust[1] = memory.true_thrust[0], memory.lagged_thrust[0]
     if plant.speed_log_lag > 0.0:
         share = 1.0 - math.exp(-dt / plant.speed_log_lag)
         memory.speed_log += share * (ship_speed - memory.speed_log)
@@ -176,6 +253,8 @@ def settle(
     memory.demands[:] = demand
     memory.torques[:] = outputs.shaft_torque
     memory.speeds[:] = state.shaft_speed
-    memory.speed[:] = memory.lagged_speed[:] = state.shaft_speed
+    memory.true_speed[:] = memory.lagged_speed[:] = state.shaft_speed
+    memory.true_torque[:] = memory.lagged_torque[:] = outputs.shaft_torque
+    memory.true_thrust[:] = memory.lagged_thrust[:] = outputs.thrust
     memory.speed_log = state.ship_speed
     read_instruments(plant, memory, state.shaft_speed, outputs, dt)

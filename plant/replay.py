@@ -249,10 +249,17 @@ class Replay:
         """The same at the steps' starts and middles and the last one's end, shape (2 steps + 1,)."""
         return self._still if self._met is None else self._continuous(self.inflow_rows(plant))
 
-    def first_state(self, start: tuple[float, ...] | None = None) -> State:
-        """State at the first row, what lags not yet settled; ``self.start`` where none is given."""
+    def first_state(self, start: tuple[float, ...] | None = None, plant: Any = None) -> State:
+        """State at the first row, what lags not yet settled; ``self.start`` where none is given.
+
+        Args:
+            start: as measured.
+            plant: ship record; the gain of its speed sensor is taken off a measured shaft speed.
+        """
         pitch, shaft, speed, *turning = map(float, self.start if start is None else start)
         shifts = dict(zip(IN_THE_PLANE, turning, strict=False))
+        if plant is not None and SHAFT_SPEED in self.channels:
+            shaft /= float(plant["speed_sensor_gain"])
         beside = {name: value + shifts.get(name, 0.0) for name, value in self._beside.items()}
         return State(pitch, shaft, speed)._replace(**beside)
 
@@ -286,7 +293,7 @@ class Replay:
             plant = plant.copy()
             plant["rudder_lag"] = 0.0
         state = np.zeros(1, STATE)
-        state[0] = tuple(settled(plant, self.first_state(start), self.first_inputs(inflow)))
+        state[0] = tuple(settled(plant, self.first_state(start, plant), self.first_inputs(inflow)))
         steps = len(self.drive)
         if len(getattr(_own, "samples", ())) <= steps:
             _own.samples = np.zeros(steps + 1, SAMPLE)

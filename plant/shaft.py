@@ -45,6 +45,14 @@ class Transmission(Section):
         0.0, "viscous friction before the gauge", "N m s/rad", record="viscous_engine_side",
         needs=FREE, ge=0, le=1e7,
     )  # fmt: skip
+    coulomb_asymmetry_fraction: float = effect(
+        0.0, "a: Coulomb friction before the gauge is (1 + a) of its size ahead, (1 - a) astern",
+        record="coulomb_asymmetry", needs=FREE, ge=-1, le=1,
+    )  # fmt: skip
+    viscous_asymmetry_fraction: float = effect(
+        0.0, "a: viscous friction before the gauge is (1 + a) of its size ahead, (1 - a) astern",
+        record="viscous_asymmetry", needs=FREE, ge=-1, le=1,
+    )  # fmt: skip
     load_friction_fraction: float = effect(
         0.0, "friction of gears and bearings before the gauge that grows with the torque they carry: "
         "Coulomb friction per load torque", record="load_friction", needs=FREE, ge=0, le=0.9,
@@ -71,7 +79,7 @@ class Transmission(Section):
 
 
 @compiled
-def friction_torque(plant: Record, coulomb: Real, viscous: float, shaft_speed: Real) -> Real:
+def friction_torque(plant: Record, coulomb: Real, viscous: Real, shaft_speed: Real) -> Real:
     """Coulomb and viscous friction [N m] that oppose the rotation.
 
     Args:
@@ -131,10 +139,21 @@ def load_friction(plant: Record, load: Real, shaft_speed: Real) -> Real:
 
 
 @compiled
+def by_direction(size: Real, asymmetry: Real, shaft_speed: Real) -> Real:
+    """Return (1 + asymmetry) times a size ahead, (1 - asymmetry) times it astern."""
+    if asymmetry != 0.0:
+        size = size * (1.0 + asymmetry if shaft_speed.real >= 0.0 else 1.0 - asymmetry)
+    return size
+
+
+@compiled
 def friction_before_gauge(plant: Record, shaft_speed: Real) -> Real:
     """Friction [N m] between prime mover and torque gauge, at the propeller shaft."""
     torque = friction_torque(
-        plant, plant.coulomb_engine_side, plant.viscous_engine_side, shaft_speed
+        plant,
+        by_direction(plant.coulomb_engine_side, plant.coulomb_asymmetry, shaft_speed),
+        by_direction(plant.viscous_engine_side, plant.viscous_asymmetry, shaft_speed),
+        shaft_speed,
     )
     if plant.arctangent_friction != 0.0:
         torque = torque + arctangent_friction(plant, shaft_speed)

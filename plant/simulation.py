@@ -51,6 +51,8 @@ def write_sample(
     sample.measured_pitch_ratio = memory.pitch_ratio
     sample.measured_shaft_torque = memory.shaft_torque
     sample.measured_ship_speed = speed_log
+    sample.measured_thrust = memory.thrust
+    sample.measured_motor_current = memory.motor_current
     sample.shaft_acceleration = outputs.shaft_acceleration
     sample.advance_velocity = outputs.advance_velocity
     sample.thrust = outputs.thrust

@@ -164,6 +164,7 @@ def _damping(ship: Ship) -> float:
     """Return the slope [N m s/rad] of the torques that damp a shaft whatever its speed."""
     line, mover = ship.transmission, ship.prime_mover
     slope = line.viscous_friction_engine_side_N_m_s_rad
+    slope *= 1.0 + abs(line.viscous_asymmetry_fraction)
     slope += line.viscous_friction_propeller_side_N_m_s_rad
     slope += line.arctangent_friction_engine_side_N_m * line.arctangent_friction_slope_s_rad
     return slope + mover.damping * line.gear_ratio**2 * line.efficiency

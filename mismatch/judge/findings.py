@@ -44,6 +44,7 @@ class Finding:
         regime: in words; empty where it acts everywhere.
         unmeasured: what its balance lacks to be measured, or which parameter ended at the bound of its
             search, so that its size is a guess and has no interval; else empty.
+        implausible: which parameter lies outside the range that physics allows, in words; else empty.
     """
 
     effect: Effect
@@ -56,6 +57,7 @@ class Finding:
     windows: list[Window]
     regime: str
     unmeasured: str = ""
+    implausible: str = ""
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,17 @@ def at_bound(trial_ship: TrialShip, placed: Placed) -> str:
     return ""
 
 
+def implausible(trial_ship: TrialShip, placed: Placed) -> str:
+    """Return which parameter of an effect lies outside its plausible range; empty where none does."""
+    for parameter, value in placed.pairs:
+        low, high = trial_ship.plausible_range(parameter)
+        if not low <= value <= high:
+            unit = parameter.number(trial_ship.ship).info.unit
+            unit = "" if unit == "-" else f" {unit}"
+            return f"{parameter.name} lies outside its plausible range, {low:.4g} to {high:.4g}{unit}"
+    return ""
+
+
 def shown_in(fitter: Fitter, fit: Fit) -> list[int]:
     """Balance in which each effect of a model is shown, by index."""
     balances = fitter.balances
@@ -153,7 +166,8 @@ def findings_of(
         found.append(
             Finding(placed.effect, estimates[i], selection.gains[i], selection.thresholds[i],
                     selection.rivals[i], traces[row], row, windows, where,
-                    unmeasured(placed.effect, balances) or at_bound(fitter.trial_ship, placed))
+                    unmeasured(placed.effect, balances) or at_bound(fitter.trial_ship, placed),
+                    implausible(fitter.trial_ship, placed))
         )  # fmt: skip
     return found
 

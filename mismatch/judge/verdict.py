@@ -12,7 +12,7 @@ import numpy as np
 
 from ..search.fitting import Fit
 from ..search.selection import TELL_APART, Selection
-from .findings import at_bound
+from .findings import at_bound, implausible
 from .whiteness import Colour, Whiteness
 
 EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
@@ -103,9 +103,10 @@ def verdict_of(
     undecided = bool(fit.effects) and not excited and several
     holds = bool(fit.effects) and gain >= -TELL_APART and not undecided
     whole = left_over is None or explained >= EXPLAINED_SHARE
-    # a value at the bound of its search says that the truth lies elsewhere
-    bounded = any(at_bound(whiteness.fitter.trial_ship, placed) for placed in fit.effects)
-    if holds and whole and not bounded:
+    # a value at the bound of its search, or outside what is plausible: the truth lies elsewhere
+    trial_ship = whiteness.fitter.trial_ship
+    doubted = any(at_bound(trial_ship, p) or implausible(trial_ship, p) for p in fit.effects)
+    if holds and whole and not doubted:
         name = EXPLAINED
     elif holds and (sure or whole):
         name = PARTLY

@@ -95,6 +95,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
                     for e in f.estimates
                 },
                 "unmeasured": f.unmeasured,
+                "implausible": f.implausible,
                 "evidence": {"score": f.score, "threshold": f.threshold},
                 "windows_s": [list(w) for w in f.windows],
                 "split_by": effect.split_by,

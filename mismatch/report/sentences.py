@@ -39,6 +39,8 @@ def finding_sentence(finding: Finding) -> str:
     where = f", {finding.regime}," if finding.regime else ""
     when = between(finding.windows)
     guess = f" ({finding.unmeasured}: no interval)" if finding.unmeasured else ""
+    if finding.implausible:
+        guess += f"; {finding.implausible}, so another cause is likely"
     said = f"{when[:1].upper()}{when[1:]}{where} the {subject} {what_is_missing(finding)}"
     return f"{said}, {', '.join(sizes)}{guess}."
 

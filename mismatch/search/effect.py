@@ -26,6 +26,9 @@ class Parameter:
         term: of which it is a number, where the effect is a term of the ship and not a key of its own.
         least: distance from the neutral value below which something else looks the same, and the
             effect is not named; in the key's own unit.
+        plausible: lowest and highest value that physics allows, in ``plausible_of``; an effect outside
+            is reported, but explains a recording partly at most. None where physics sets no limit.
+        plausible_of: unit of ``plausible``: ``unit`` or a scale, as ``of``.
     """
 
     key: str
@@ -36,6 +39,8 @@ class Parameter:
     least: float = 0.0
     term: Term | None = None
     whole: bool = False
+    plausible: tuple[float, float] | None = None
+    plausible_of: str = "unit"
 
     def number(self, ship: Ship) -> Number:
         """The number of a ship that it is: unit, range, neutral value and place in the record.
@@ -80,7 +85,7 @@ class Effect:
             parameters are keys of the ship's file.
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
             ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``, ``reverses``; beside having
-            the balance and the keys.
+            the balance and the keys. ``not moves`` is a ship without that property.
         straight: a ship that does not turn has it only where the recording does not turn either.
     """
 
@@ -118,7 +123,7 @@ class Effect:
         """Whether a ship can have the effect."""
         if self.balance not in ship.balances:
             return False
-        if not all(getattr(ship, what) for what in self.applies_to):
+        if not all(_has(ship, what) for what in self.applies_to):
             return False
         try:
             host = self.on(ship)
@@ -137,6 +142,12 @@ class Effect:
     def label(self) -> str:
         """Id and balance, for friction may act in several; and the form where there are some."""
         return f"{self.id} ({self.balance}{', ' + self.form if self.form else ''})"
+
+
+def _has(ship: Ship, what: str) -> bool:
+    """Return whether a ship has a property, or lacks one that ``not`` stands before."""
+    wanted = not what.startswith("not ")
+    return bool(getattr(ship, what.removeprefix("not "))) == wanted
 
 
 @functools.lru_cache(maxsize=256)

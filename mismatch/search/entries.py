@@ -48,12 +48,21 @@ class _Trial(FileModel):
     absolute: bool = False
     least: float = 0.0
     whole: bool = False
+    plausible: tuple[float, float] | None = None
+    plausible_of: str = "unit"
+
+    @model_validator(mode="after")
+    def _plausible_in_order(self) -> _Trial:
+        if self.plausible is not None and self.plausible[0] >= self.plausible[1]:
+            raise ValueError("plausible = [low, high]: low must be below high")
+        return self
 
     def of_key(self, key: str, term: Term | None = None) -> Parameter:
         """The parameter of an effect that it states."""
         return Parameter(
-            key, self.probes, self.of, self.signed, self.absolute, self.least, term, self.whole
-        )
+            key, self.probes, self.of, self.signed, self.absolute, self.least, term, self.whole,
+            self.plausible, self.plausible_of,
+        )  # fmt: skip
 
 
 class _OfKey(_Trial):

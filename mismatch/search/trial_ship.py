@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...plant.columns import SHAFT_ANGLE
 from ...plant.keys import Number
 from ...plant.memory import HISTORY
 from ...plant.propeller import cavitation_number
@@ -94,6 +95,13 @@ class TrialShip:
         low, high = number.searched
         late = number.key in self.ship.sensors.delays | self.ship.prime_mover.delays
         return low, min(high, self._longest_s) if late else high
+
+    def plausible_range(self, parameter: Parameter) -> tuple[float, float]:
+        """Return the lowest and the highest plausible value of a parameter, infinite without a limit."""
+        if parameter.plausible is None:
+            return -math.inf, math.inf
+        low, high = (end * self._scale(parameter.plausible_of) for end in parameter.plausible)
+        return low, high
 
     def host(self, effects: tuple[Placed, ...]) -> Ship:
         """The ship with the terms of some effects on it, at values that change nothing."""
@@ -203,9 +211,11 @@ def scales(balances: Balances) -> Mapping[str, float]:
     """What the catalogue's probes are counted in, by name: rms, mean or top of a nominal simulation.
 
     Torque [N m] is that of the propeller, or of the drive where there is none, force [N] the resistance,
-    side force [N] of a ship that turns the centripetal one, ``drive`` is in the unit of the prime
-    mover's demand, ``sigma_top`` is the cavitation number at the highest shaft speed, and ``shaft_time``
-    [s] is how long that torque takes to bring the shaft to its speed.
+    side force [N] of a ship that turns the centripetal one. ``drive`` is in the unit of the prime
+    mover's demand. ``interval`` [s] is that from one recorded row to the next. ``sigma_top`` is the
+    cavitation number at the highest shaft speed. ``shaft_time`` [s] is how long that torque takes to
+    bring the shaft to its speed. ``torque_top`` [N m] is the drive's largest torque under these
+    commands, at the propeller shaft, and ``record`` [s] the length of the shortest recording.
     """
     samples, plant = balances.nominal_samples, balances.plant
     omega = np.abs(samples["shaft_speed"])
@@ -218,6 +228,7 @@ def scales(balances: Balances) -> Mapping[str, float]:
     if plant["propeller_model"] == NO_PROPELLER:
         torque = typical(gear * samples["brake_torque"])
     drive = balances.replay.drive_rows
+    angle = typical(balances.replay.recorded.get(SHAFT_ANGLE, 1.0))
     number = cavitation_number(plant, float(omega.max()) / (2.0 * math.pi), float(plant["depth"]))
     outside = {
         f"force/{name}/{name}": typical(samples["resistance"]) / typical(heard) ** 2
@@ -237,7 +248,14 @@ def scales(balances: Balances) -> Mapping[str, float]:
         "unit": 1.0,
         "time_step": float(plant["time_step"]),
         "torque/drive": torque / typical(drive),
+        "interval": balances.replay.interval_s / balances.replay.every,
         "torque": torque,
+        "torque/shaft_angle": torque / angle,
+        "torque_top": _largest_torque(balances),
+        "record": min(float(run.time_s[-1]) for run in balances.replay.runs),
+        "shaft_angle": angle,
+        "thrust": typical(samples["thrust"]),
+        "current": typical(samples["motor_current"]),
         "torque/shaft_speed": torque / shaft,
         "torque/shaft_speed/shaft_speed": torque / shaft**2,
         "brake_torque/engine_speed/engine_speed": typical(samples["brake_torque"])
@@ -255,3 +273,17 @@ def scales(balances: Balances) -> Mapping[str, float]:
         "shaft_time": shaft_inertia(plant) * shaft / torque,
         "sigma_top": float(number),
     }
+
+
+def _largest_torque(balances: Balances) -> float:
+    """Return the largest torque [N m] of the drive under the recorded commands, at the propeller shaft.
+
+    A motor under a voltage gives its largest torque at rest, whether the nominal ship rests or not.
+    """
+    plant, gear = balances.plant, float(balances.plant["gear_ratio"])
+    torque = float(np.abs(balances.nominal_samples["brake_torque"]).max())
+    if balances.replay.ship.has_voltage:
+        top = float(np.abs(balances.replay.drive_rows).max())
+        stalled = float(plant["motor_constant"]) * top / float(plant["armature_resistance"])
+        torque = max(torque, stalled)
+    return max(gear * torque, 1e-9)

@@ -11,7 +11,14 @@ from ...plant.ship import Ship
 from ...plant.ship_errors import ShipError
 from ..diagnosis import Diagnosis
 from ..estimate import Estimate
-from ..judge.findings import FORM_SHARE, Finding, at_bound, detectable_effects, findings_of
+from ..judge.findings import (
+    FORM_SHARE,
+    Finding,
+    at_bound,
+    detectable_effects,
+    findings_of,
+    implausible,
+)
 from ..judge.fit import fits
 from ..judge.held_out import HeldOut, bands_of
 from ..judge.verdict import (
@@ -224,8 +231,9 @@ def _verdict(
         return NOTHING if quiet or white else UNEXPLAINED
     if total(best.held, plain) > BETTER and not (quiet or white):
         return UNEXPLAINED
-    bounded = any(at_bound(problem.trial_ship, placed) for placed in fit.effects)
-    sound = not bounded and not problem.moved_far(best.model)
+    ship = problem.trial_ship
+    doubted = any(at_bound(ship, placed) or implausible(ship, placed) for placed in fit.effects)
+    sound = not doubted and not problem.moved_far(best.model)
     return EXPLAINED if (quiet or white) and sound else PARTLY
 
 

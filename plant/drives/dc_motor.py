@@ -14,7 +14,15 @@ from ...core.numeric import clip
 from ..keys import INF, effect, number
 from ..signals import Signal
 from ..validity import Validity
-from .prime_mover import PrimeMover, end_stops, fill_two_way, torque_offset, with_offset
+from .prime_mover import (
+    PrimeMover,
+    command_delay,
+    command_lag,
+    end_stops,
+    fill_two_way,
+    torque_offset,
+    with_offset,
+)
 
 SWITCHED_ON = 1e-3
 """Share of its end stop that a voltage demanded has at least, not to be a switch that is off."""
@@ -84,6 +92,8 @@ class DcMotor(PrimeMover):
         "current back", record="braking_loss_fraction", ge=0, le=1,
     )  # fmt: skip
     torque_offset_N_m: float = torque_offset()
+    command_delay_s: float = command_delay()
+    command_lag_s: float = command_lag()
     supply_limit_V: float = effect(
         INF, "highest voltage that reaches the armature, either way", "V", record="supply_limit",
         gt=0,
@@ -96,6 +106,11 @@ class DcMotor(PrimeMover):
         INF, "current i_s about which the supply gives way: it gives i_s tanh(i / i_s)", "A",
         record="supply_soft_current", gt=0,
     )  # fmt: skip
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Return the dead time of the command [s], by its key."""
+        return {"prime_mover.command_delay_s": self.command_delay_s}
 
     @property
     def time_constants(self) -> dict[str, float]:

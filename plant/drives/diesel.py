@@ -117,7 +117,7 @@ class Diesel(PrimeMover):
         ge=0, le=1e7, default=0.0,
     )  # fmt: skip
     dead_time_s: float = effect(
-        0.0, "delay of the rack's demand", "s", record="engine_dead_time", ge=0, le=6
+        0.0, "delay of the rack's demand", "s", record="command_dead_time", ge=0, le=6
     )
     rack_rate_limit_mm_s: float = effect(
         INF, "fastest travel of the rack", "mm/s", record="rack_rate_limit", gt=0

@@ -123,6 +123,22 @@ def delivered_power(plant: Record, electric: Real) -> Real:
     return net / plant.drive_efficiency
 
 
+def command_delay() -> Any:
+    """Return the key of the dead time between an electric drive's command and the motor."""
+    return effect(
+        0.0, "dead time between the command and the motor", "s", record="command_dead_time",
+        ge=0, le=6,
+    )  # fmt: skip
+
+
+def command_lag() -> Any:
+    """Return the key of the first-order lag between an electric drive's command and the motor."""
+    return effect(
+        0.0, "first-order lag of the command: speed controller, power stage, ramp", "s",
+        record="command_lag", ge=0, le=60,
+    )  # fmt: skip
+
+
 @compiled
 def with_offset(plant: Record, torque: Real) -> Real:
     """Torque [N m] of a motor with its constant offset, as of an amplifier whose zero is off."""

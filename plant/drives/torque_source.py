@@ -12,6 +12,8 @@ from ..signals import Signal
 from ..validity import Validity
 from .prime_mover import (
     PrimeMover,
+    command_delay,
+    command_lag,
     drive_efficiency,
     end_stops,
     fill_two_way,
@@ -48,6 +50,13 @@ class TorqueSource(PrimeMover):
     torque_offset_N_m: float = torque_offset()
     drive_efficiency: float = drive_efficiency()
     idle_power_W: float = idle_power()
+    command_delay_s: float = command_delay()
+    command_lag_s: float = command_lag()
+
+    @property
+    def delays(self) -> dict[str, float]:
+        """Return the dead time of the command [s], by its key."""
+        return {"prime_mover.command_delay_s": self.command_delay_s}
 
     def fill(self, record: Any) -> None:
         """Its numbers; demands go either way, and have no rack."""

@@ -118,9 +118,27 @@ MOTOR_EFFECTS = [
     effect("open-circuit", "prime_mover.open_circuit_fraction", 0.5),
     effect("braking-loss", "prime_mover.braking_loss_fraction", 0.9),
     effect("load-friction", "transmission.load_friction_fraction", 0.1),
+    effect("coulomb-asymmetry", "transmission.coulomb_asymmetry_fraction", -0.9),
+    Effect(
+        "viscous-asymmetry",
+        {"transmission.viscous_asymmetry_fraction": 0.0},
+        {
+            "transmission.viscous_asymmetry_fraction": 0.9,
+            "transmission.viscous_friction_engine_side_N_m_s_rad": 4e-4,
+        },
+        {},
+    ),
+    effect("command-delay", "prime_mover.command_delay_s", 0.012),
+    effect("command-lag", "prime_mover.command_lag_s", 0.05),
     effect("supply-limit", "prime_mover.supply_limit_V", 5.0, INF),
     effect("supply-limit", "prime_mover.supply_current_limit_A", 1.0, INF),
     effect("supply-limit", "prime_mover.supply_soft_current_A", 1.0, INF),
+]
+
+MOTOR_SENSOR_EFFECTS = [
+    effect("current-sensor-gain", "sensors.current_gain", 1.05, 1.0),
+    effect("current-sensor-bias", "sensors.current_bias_A", 0.2),
+    effect("speed-sensor-gain", "sensors.speed_gain", 0.5, 1.0),
 ]
 
 SENSOR_EFFECTS = [
@@ -131,6 +149,12 @@ SENSOR_EFFECTS = [
     effect("speed-sensor-delay", "sensors.speed_delay_s", 0.4),
     effect("speed-sensor-lag", "sensors.speed_lag_s", 0.4),
     effect("speed-log-lag", "sensors.speed_log_lag_s", 10.0),
+    effect("torque-sensor-lag", "sensors.torque_lag_s", 0.4),
+    effect("speed-sensor-gain", "sensors.speed_gain", 1.02, 1.0),
+    effect("thrust-sensor-gain", "sensors.thrust_gain", 0.9, 1.0),
+    effect("thrust-sensor-bias", "sensors.thrust_bias_N", 2e3),
+    effect("thrust-sensor-lag", "sensors.thrust_lag_s", 0.4),
+    effect("current-sensor-bias", "sensors.current_bias_A", 0.2),
 ]
 
 MEASURED = [
@@ -138,6 +162,8 @@ MEASURED = [
     "measured_shaft_speed",
     "measured_shaft_torque",
     "measured_ship_speed",
+    "measured_thrust",
+    "measured_motor_current",
 ]
 
 
@@ -218,6 +244,16 @@ def test_motor_effect_is_absent_to_the_last_bit_or_acts(effect: Effect, inductan
     assert np.abs(changed["shaft_speed"] - nominal["shaft_speed"]).max() > 1.0  # rad/s
 
 
+@named(MOTOR_SENSOR_EFFECTS)
+def test_effect_on_a_motor_s_sensor_changes_one_reading(effect: Effect) -> None:
+    sail = tug_voyage(0.0)
+    nominal, changed = sail({}), sail(effect.present)
+    assert sail(effect.neutral).tobytes() == nominal.tobytes()
+    differing = [n for n in nominal.dtype.names or () if np.any(changed[n] != nominal[n])]
+    reading = "shaft_speed" if "speed" in effect.id else "motor_current"
+    assert differing == [f"measured_{reading}"]
+
+
 # optional numbers that describe the nominal ship and are no effects
 NOMINAL = {
     "hull": {"fixed", "mass_kg", "resistance_coefficient_N_s2_m2", "thrust_deduction",
@@ -253,7 +289,7 @@ def test_every_optional_number_is_nominal_or_a_covered_effect(frigate: Ship, sec
     optional = {name for name, info in fields.items() if not info.is_required()}
     covered = {
         key.removeprefix(f"{section}.")
-        for effect in PLANT_EFFECTS + MOTOR_EFFECTS + SENSOR_EFFECTS
+        for effect in PLANT_EFFECTS + MOTOR_EFFECTS + MOTOR_SENSOR_EFFECTS + SENSOR_EFFECTS
         for key in (*effect.neutral, *effect.companions)
     }
     assert optional - NOMINAL[section] <= covered

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from shaftline.plant import Equilibrium, Schedule, Ship, simulate
+from shaftline.plant import Equilibrium, Schedule, Ship, load_ship, simulate
 from shaftline.plant.memory import (
     HISTORY,
     MEMORY,
@@ -59,7 +59,7 @@ def test_the_longest_delays_fit_the_usual_step(frigate: Ship) -> None:
 
 
 def test_demand_passes_dead_time_then_rate_limit(plant: Any, memory: Any) -> None:
-    plant["engine_dead_time"], plant["rack_rate_limit"] = 2.5 * DT, 100.0
+    plant["command_dead_time"], plant["rack_rate_limit"] = 2.5 * DT, 100.0
     memory["rack"], memory["cursor"] = 20.0, 130
     memory["demands"][:] = 20.0
     delivered = []
@@ -129,13 +129,71 @@ def test_speed_sensor_lags_behind_a_ramp_by_its_time_constant(plant: Any, memory
         assert memory["shaft_speed"] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("key", "output", "reading"),
+    [("torque_sensor_lag", "shaft_torque", "shaft_torque"), ("thrust_sensor_lag", "thrust", "thrust")],
+)
+def test_torque_and_thrust_sensors_lag_behind_a_ramp(
+    plant: Any, memory: Any, key: str, output: str, reading: str
+) -> None:
+    """Behind their lag stand the gain and the bias: 0.9 (a (t - T + T exp(-t / T))) + 50."""
+    at_rest = OUTPUTS._replace(**{output: 0.0})
+    settle(plant, memory, STATE, at_rest, 22.0, DT)
+    plant[key] = 0.3
+    plant[key.replace("lag", "gain")], plant[key.replace("lag", "bias")] = 0.9, 50.0
+    for k in range(1, 60):
+        end_step(plant, memory, 8.0, DT)
+        time = k * DT
+        for _ in range(2):  # seeing it twice changes nothing
+            read_instruments(plant, memory, 10.0, at_rest._replace(**{output: 2e3 * time}), DT)
+        behind = 2e3 * (time - 0.3 + 0.3 * math.exp(-time / 0.3))
+        assert memory[reading] == pytest.approx(0.9 * behind + 50.0, rel=1e-9)
+
+
+def test_gains_of_speed_and_current_are_read(plant: Any, memory: Any) -> None:
+    plant["speed_sensor_gain"] = 1.02
+    plant["current_sensor_gain"], plant["current_sensor_bias"] = 0.95, -0.3
+    read_instruments(plant, memory, 10.0, OUTPUTS._replace(motor_current=20.0), DT)
+    assert memory["shaft_speed"] == pytest.approx(10.2)
+    assert memory["motor_current"] == pytest.approx(0.95 * 20.0 - 0.3)
+
+
+def test_a_motor_s_command_lags_as_a_first_order_filter() -> None:
+    """A step of 4 V behind a lag of 3.4 steps: start, middle and end of each step on the exponential."""
+    plant = load_ship("tito-neri-sine").with_values({"prime_mover.command_lag_s": 3.4 * DT}).record()
+    memory = np.zeros(1, MEMORY)[0]
+    for k in range(8):
+        end = begin_step(plant, memory, 4.0, DT)
+        moments = 4.0 * (1.0 - np.exp(-(k + np.array([0.0, 0.5, 1.0])) / 3.4))
+        found = [memory["rack_start"], memory["rack_middle"], end]
+        assert found == pytest.approx(list(moments), rel=1e-12, abs=1e-12)
+        end_step(plant, memory, 0.0, DT)
+    before = float(memory["rack"])
+    end = begin_step(plant, memory, 1e6, DT)  # towards its end stop alone
+    highest = load_ship("tito-neri-sine").number("prime_mover.voltage_max_V").value
+    assert end == pytest.approx(highest + (before - highest) * math.exp(-1.0 / 3.4))
+
+
+@pytest.mark.parametrize("steps", [3, 2.25])
+def test_a_motor_s_command_comes_late(steps: float) -> None:
+    plant = load_ship("tito-neri-sine").with_values({"prime_mover.command_delay_s": 0.01}).record()
+    plant["command_dead_time"] = steps * DT
+    memory = np.zeros(1, MEMORY)[0]
+    delivered = []
+    for _ in range(5):
+        delivered.append(begin_step(plant, memory, 4.0, DT))
+        end_step(plant, memory, 0.0, DT)
+    share = 1.0 - steps % 1
+    assert delivered == pytest.approx([0.0, 0.0, 4.0 * (share if steps % 1 else 0.0), 4.0, 4.0])
+
+
 def test_without_lag_the_log_reads_the_speed(plant: Any, memory: Any) -> None:
     end_step(plant, memory, 5.0, DT)
     assert (memory["speed_log"], memory["cursor"]) == (5.0, 1)
 
 
 def test_settled_memories_have_seen_nothing_else(plant: Any, memory: Any) -> None:
-    for name in ("engine_dead_time", "torque_sensor_delay", "speed_sensor_delay"):
+    for name in ("command_dead_time", "torque_sensor_delay", "speed_sensor_delay"):
         plant[name] = 3.4 * DT
     plant["speed_log_lag"], plant["torque_sensor_gain"] = 5.0, 1.1
     for name in MEMORY.names or ():

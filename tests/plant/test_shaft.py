@@ -116,6 +116,15 @@ def test_drive_torque_is_the_brake_torque_less_friction(plant: Any, rubbing: Any
     assert drive_torque(rubbing, 1e4, -10.0) == pytest.approx(gear + 5e3 + 2e3, rel=1e-14)
 
 
+def test_friction_before_the_gauge_has_its_own_size_in_each_direction(rubbing: Any) -> None:
+    """Coulomb 5 kN m by 1.3 ahead and 0.7 astern, viscous 200 N m s/rad by 0.8 and 1.2."""
+    rubbing["coulomb_asymmetry"], rubbing["viscous_asymmetry"] = 0.3, -0.2
+    assert drive_torque(rubbing, 0.0, 10.0) == pytest.approx(-6.5e3 - 1.6e3, rel=1e-14)
+    assert drive_torque(rubbing, 0.0, -10.0) == pytest.approx(3.5e3 + 2.4e3, rel=1e-14)
+    assert drive_torque(rubbing, 0.0, 0.0) == 0.0
+    assert load_torque(rubbing, 5e4, 10.0) == pytest.approx(5e4 + 3e3 + 1e3 + 4e3, rel=1e-14)
+
+
 def test_brake_torque_of_a_drive_torque(rubbing: Any) -> None:
     for brake, omega in ((1e4, 10.0), (-2e3, 3.0), (5e3, -4.0)):
         torque = drive_torque(rubbing, brake, omega)

@@ -97,6 +97,8 @@ def test_samples_are_the_outputs_of_single_steps(
             "measured_pitch_ratio": memory["pitch_ratio"], "measured_ship_speed": log,
             "measured_shaft_torque": memory["shaft_torque"], "shaft_speed": now.shaft_speed,
             "measured_shaft_speed": memory["shaft_speed"],
+            "measured_thrust": memory["thrust"],
+            "measured_motor_current": memory["motor_current"],
             "ship_speed": now.ship_speed, "ventilation": now.ventilation, "position": now.position,
             "shaft_angle": now.shaft_angle, "sway_speed": 0.0, "yaw_rate": 0.0, "heading": 0.0,
             "cross_track": 0.0, "shaft_power": memory["shaft_torque"] * memory["shaft_speed"],

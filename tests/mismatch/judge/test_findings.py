@@ -7,7 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.findings import at_bound, detectable_effects, findings_of
+from shaftline.mismatch.judge.findings import (
+    at_bound,
+    detectable_effects,
+    findings_of,
+    implausible,
+)
 from shaftline.mismatch.report.sentences import finding_sentence
 from shaftline.mismatch.search.fitting import Fitter
 from shaftline.mismatch.search.placed import Placed
@@ -87,6 +92,24 @@ def test_a_value_at_the_bound_of_its_search_has_no_interval(both: tuple[Fitter, 
         assert at_bound(fit.trial_ship, Placed(HULL_FOULING, (inside,))) == ""
     # friction begins at 0, where it is absent: that bound is no end of a search
     assert at_bound(fit.trial_ship, Placed(ENGINE_FRICTION, (0.0,))) == ""
+
+
+def test_a_value_that_physics_does_not_allow_is_reported_as_such(
+    both: tuple[Fitter, Selection],
+) -> None:
+    fit, selection = both
+    chosen = Selection(
+        fit.fitted((Placed(HULL_FOULING, (1.2,)),)), (90.0,), (8.0,), ((),), ()
+    )
+    (found,) = findings_of(fit, chosen, lacking(fit))
+    said = "fouling_fraction lies outside its plausible range, -0.05 to 1"
+    assert (found.implausible, found.unmeasured) == (said, "")
+    assert finding_sentence(found).endswith(f"; {said}, so another cause is likely.")
+    assert [f.implausible for f in findings_of(fit, selection, lacking(fit))] == ["", ""]
+    for value in (-0.05, 1.0):
+        assert implausible(fit.trial_ship, Placed(HULL_FOULING, (value,))) == ""
+    most = fit.trial_ship.plausible_range(ENGINE_FRICTION.parameters[0])[1]
+    assert "N m" in implausible(fit.trial_ship, Placed(ENGINE_FRICTION, (1.01 * most,)))
 
 
 def test_windows_and_regime_are_those_of_the_trace(monkeypatch: pytest.MonkeyPatch) -> None:

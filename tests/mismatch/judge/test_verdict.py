@@ -29,7 +29,10 @@ class Whiteness:
 
     def __init__(self, before: Any, after: Any, null: bool = True, left: bool = False) -> None:
         names = [f"row{k}" for k in range(np.shape(before)[1])]
-        trial_ship = SimpleNamespace(range_of=lambda _: (0.001, 5.0), origin=lambda _: 1.0)
+        trial_ship = SimpleNamespace(
+            range_of=lambda _: (0.001, 5.0), origin=lambda _: 1.0, ship=None,
+            plausible_range=lambda parameter: parameter.plausible,
+        )  # fmt: skip
         self.fitter = SimpleNamespace(
             null="null", balances=SimpleNamespace(names=names), trial_ship=trial_ship
         )
@@ -50,9 +53,17 @@ class Whiteness:
 
 
 def selection(
-    *gains: float, effects: int = 1, rivals: int = 0, value: float = 0.8, whole: bool = False
+    *gains: float,
+    effects: int = 1,
+    rivals: int = 0,
+    value: float = 0.8,
+    whole: bool = False,
+    plausible: tuple[float, float] = (-np.inf, np.inf),
 ) -> Any:
-    told = SimpleNamespace(key="sensors.torque_gain", whole=whole)
+    told = SimpleNamespace(
+        key="sensors.torque_gain", name="torque_gain", whole=whole, plausible=plausible,
+        number=lambda _: SimpleNamespace(info=SimpleNamespace(unit="-")),
+    )  # fmt: skip
     placed = SimpleNamespace(pairs=((told, value),))
     return SimpleNamespace(
         fit=SimpleNamespace(effects=(placed,) * effects),
@@ -111,6 +122,14 @@ def test_the_upper_bound_of_what_is_whole_there_is_no_end_of_a_search() -> None:
     for value, name in ((5.0, EXPLAINED), (0.001, PARTLY)):
         chosen = selection(100.0, value=value, whole=True)
         assert verdict(chosen, Whiteness([[9.0]], [[1.0]])) == name
+
+
+@pytest.mark.parametrize(
+    ("value", "name"), [(0.49, PARTLY), (0.5, EXPLAINED), (2.0, EXPLAINED), (2.01, PARTLY)]
+)
+def test_a_value_outside_its_plausible_range_explains_nothing_wholly(value: float, name: str) -> None:
+    chosen = selection(100.0, value=value, plausible=(0.5, 2.0))
+    assert verdict(chosen, Whiteness([[9.0]], [[1.0]])) == name
 
 
 @pytest.mark.parametrize(("gain", "name"), [(-6.0, EXPLAINED), (-6.01, UNEXPLAINED)])

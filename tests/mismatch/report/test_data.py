@@ -24,6 +24,7 @@ def test_a_finding_has_its_place_numbers_and_evidence() -> None:
         "balance": "engine",
         "form": "",
         "unmeasured": "",
+        "implausible": "",
         "equivalent_ids": ["viscous-friction"],
         "equation": effect.equation,
         "sentence": diagnosis.sentence,

@@ -17,8 +17,9 @@ from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship
 from shaftline.plant.memory import HISTORY
 
-from ..toy import FRICTION, SPEED, Toy, entry, white
+from ..toy import FRICTION, ROWS, SPEED, Toy, entry, white
 from ..turning import quick_tanker, swinging
+from ..voyages import bench_tug, tug_run
 
 ENGINE_FRICTION = entry("coulomb-friction (engine)")
 EPISODE = entry("resistance-episode (hull)")
@@ -160,6 +161,13 @@ def test_scales_are_those_of_the_nominal_voyage(toy: Any) -> None:
             "drive": float(np.sqrt(np.mean(drive**2))),
             "drive_top": float(drive.max()),
             "current_top": 0.0,
+            "current": 1e-9,
+            "thrust": 2e5,
+            "shaft_angle": 1.0,
+            "torque/shaft_angle": 2e5,
+            "torque_top": 7.38 * 3e4,
+            "interval": 1.0,
+            "record": ROWS - 1.0,
             "inertia": line.inertia_propeller_side_kg_m2 + 0.1 * line.inertia_engine_side_kg_m2,
             "shaft_time": (53697.0 + 14411.0) * rms / 2e5,
             "sigma_top": pressure / (0.5 * water.density_kg_m3 * (turns * screw.diameter_m) ** 2),
@@ -199,13 +207,19 @@ def test_scales_have_no_sign_and_are_never_zero(toy: Any) -> None:
         nominal_samples=samples
         | {"shaft_speed": -SPEED, "motor_current": np.array([-3.0, 2.0]), "propeller_torque": 0.0},
         plant=toy.plant,
-        replay=SimpleNamespace(drive_rows=-toy.drive_rows, outside={}, runs=toy.runs),
+        replay=SimpleNamespace(
+            drive_rows=-toy.drive_rows, outside={}, recorded={}, runs=toy.runs, interval_s=2.0,
+            every=4, ship=toy.ship,
+        ),
     )
     found, ahead = scales(astern), scales(toy)
     for name in ("shaft_speed", "engine_speed", "sigma_top", "drive", "drive_top"):
         assert found[name] == pytest.approx(ahead[name])
     assert found["current_top"] == 3.0
     assert found["torque"] == 1e-9
+    assert (found["interval"], found["record"]) == (0.5, ROWS - 1.0)
+    gear = float(toy.plant["gear_ratio"])
+    assert found["torque_top"] == ahead["torque_top"] == pytest.approx(3e4 * gear)
 
 
 def test_a_delay_is_no_shorter_than_the_recording_tells(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -240,3 +254,37 @@ def test_scales_of_a_ship_that_turns_are_those_of_her_turning() -> None:
 
 def rms_of(values: Any) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def test_a_plausible_range_counts_in_the_scale_that_it_names(trial_ship: TrialShip, toy: Any) -> None:
+    most = 3e4 * float(toy.plant["gear_ratio"])  # the engine's, at the shaft
+    friction = entry("coulomb-friction (engine)").parameters[0]
+    assert trial_ship.plausible_range(friction) == (0.0, pytest.approx(most))
+    lag = entry("engine-torque-lag (engine)").parameters[0]
+    assert trial_ship.plausible_range(lag) == (0.0, pytest.approx(0.1 * (ROWS - 1.0)))
+    fouling = entry("hull-fouling (hull)").parameters[0]
+    assert trial_ship.plausible_range(fouling) == (-0.05, 1.0)
+    current = entry("current (hull)").parameters[0]
+    assert trial_ship.plausible_range(current) == (-math.inf, math.inf)
+
+
+def test_a_motor_s_largest_torque_is_that_of_standstill() -> None:
+    """K U / R at the highest voltage recorded, times the gear ratio."""
+    tug, table = bench_tug(), tug_run()
+    found = scales(Balances(JointReplay(tug, table)))
+    constant, resistance, gear = (
+        tug.number(key).value
+        for key in (
+            "prime_mover.motor_constant_V_s_rad",
+            "prime_mover.armature_resistance_ohm",
+            "transmission.gear_ratio",
+        )
+    )
+    top = float(table["motor_voltage_V"].abs().max())
+    # a reversal at full speed draws more than that
+    assert constant * top / resistance * gear <= found["torque_top"]
+    assert found["torque_top"] < 2.0 * constant * top / resistance * gear
+    at_rest = table.assign(motor_voltage_V=0.0)
+    at_rest.loc[len(at_rest) - 1, "motor_voltage_V"] = 5.0  # comes too late to act
+    found = scales(Balances(JointReplay(tug, at_rest)))
+    assert found["torque_top"] == pytest.approx(constant * 5.0 / resistance * gear)

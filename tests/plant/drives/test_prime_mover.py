@@ -3,7 +3,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from shaftline.plant import load_ship
+import pytest
+
+from shaftline.plant import ShipError, load_ship
 from shaftline.plant.drives.prime_mover import fill_two_way
 
 
@@ -19,10 +21,14 @@ def test_each_says_what_is_applied_to_it() -> None:
     assert [ship.has_diesel for ship in ships.values()] == [True, False]
 
 
-def test_only_a_diesel_has_a_dead_time() -> None:
+def test_a_drive_s_dead_time_is_that_of_its_command() -> None:
     slow = load_ship("frigate").with_values({"prime_mover.dead_time_s": 0.3})
     assert slow.prime_mover.delays == {"prime_mover.dead_time_s": 0.3}
-    assert load_ship("rov-thruster").prime_mover.delays == {}
+    rov = load_ship("rov-thruster").with_values({"prime_mover.command_delay_s": 0.1})
+    assert rov.prime_mover.delays == {"prime_mover.command_delay_s": 0.1}
+    with pytest.raises(ShipError, match=r"prime_mover\.command_delay_s = 3\.0 s is more than 0\.504 s"):
+        rov.with_values({"prime_mover.command_delay_s": 3.0})
+    assert load_ship("towing-tank").prime_mover.delays == {"prime_mover.command_delay_s": 0.0}
 
 
 def test_only_an_armature_with_inductance_bounds_the_time_step() -> None:
