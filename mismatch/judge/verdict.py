@@ -24,9 +24,9 @@ EXPLAINED_SHARE = 0.8
 """Named effects must explain this share of the residual's power beyond the noise, where what is left is
 more than noise; else they are not all of the truth."""
 
-MUCH_LEFT = 25.0
+MUCH_LEFT = 1000.0
 """Power of the residual over the noise's, in the band where it stands out most, above which a difference
-is explained in part at most, whatever share the effects explain: five times the noise's size."""
+is explained in part at most, whatever share the effects explain: thirty times the noise's size."""
 
 SURE_SHARE, SURE_GAIN = 0.5, 10.0
 """Where they do not, an effect still holds that explains this share of its own balance's power, and

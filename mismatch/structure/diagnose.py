@@ -10,10 +10,7 @@ import numpy as np
 from ...plant.ship import Ship
 from ...plant.ship_errors import ShipError
 from ..diagnosis import Diagnosis
-from ..estimate import Estimate
 from ..judge.findings import (
-    FORM_SHARE,
-    Finding,
     at_bound,
     detectable_effects,
     findings_of,
@@ -30,8 +27,6 @@ from ..judge.verdict import (
     too_little,
 )
 from ..judge.whiteness import Whiteness
-from ..numbers.moved import TOLD, MovedNumber
-from ..numbers.wrong import WrongNumber
 from ..progress import Tick
 from ..recordings.joint import JointRecordings
 from ..search.effect import Effect
@@ -42,10 +37,10 @@ from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, choose, total
+from .estimates import biased_parameter, effect_estimates, parameter_estimates, remarks
 from .far_parameters import replace_far_parameters
 from .model import Floats, Model
 from .output_error import OutputError
-from .priors import Prior
 from .search import StructureSearch
 
 OF_NOISE = 2.0
@@ -61,11 +56,6 @@ MOST_VALUES = 120_000
 BETTER = 0.9
 """Share of the held-out error of the ship without effects, its parameters refitted, that effects must
 come below."""
-
-LOOSE = 0.3
-"""Standard error of a parameter's logarithm, the file's tolerances ignored, from which on the recordings
-determine it only together with other parameters."""
-
 
 def diagnose_structure(
     first: Diagnosis,
@@ -123,7 +113,7 @@ def diagnose_structure(
     found = _diagnosed(first, search, setting, together, best, alike, ranked, plain)
     if found.verdict == UNEXPLAINED:
         return None
-    wrong = [_biased(first.ship, replaced, finding) for finding in found.findings]
+    wrong = [biased_parameter(first.ship, replaced, finding) for finding in found.findings]
     return replace(found, wrong=wrong)
 
 
@@ -176,7 +166,7 @@ def _diagnosed(
     findings = findings_of(fitter, selection, balances.lacking(balances.nominal))
     findings = [
         replace(finding, estimates=estimates)
-        for finding, estimates in zip(findings, _estimates(problem, model, fitter), strict=True)
+        for finding, estimates in zip(findings, effect_estimates(problem, model, fitter), strict=True)
     ]
     after = dict(zip(problem.names, problem.simulate(model), strict=True))
     judge = HeldOut(setting.fitter, setting.held)
@@ -202,8 +192,8 @@ def _diagnosed(
         ),
         fit_after=fits(first.measured, after, problem.held_rows),
         held_out_gain=float(judge(corrected.record()) - judge(first.ship.record())),
-        warnings=[*together.warnings, *_remarks(best, problem)],
-        numbers=_parameters(first.ship, problem, model, corrected),
+        warnings=[*together.warnings, *remarks(best, problem)],
+        numbers=parameter_estimates(first.ship, problem, model, corrected),
     )
 
 
@@ -272,81 +262,3 @@ def _candidate(fitter: Fitter, effect: Effect, one: Ranked) -> Candidate:
     """Return an effect of another model with that model's merit."""
     placed = next(p for p in one.model.effects if p.effect is effect)
     return Candidate(effect, replace(fitter.null, effects=(placed,)), one.merit)
-
-
-def _estimates(problem: OutputError, model: Model, fitter: Fitter) -> list[tuple[Estimate, ...]]:
-    """Return the values of the effects with standard errors, all other free values uncertain as well."""
-    errors = problem.standard_errors(model)
-    host = fitter.trial_ship.host(model.effects)
-    found, place = [], len(model.shifts) + len(model.nuisance)
-    for placed in model.effects:
-        own = []
-        for parameter, value in placed.pairs:
-            origin = problem.trial_ship.origin(parameter)
-            own.append(
-                Estimate.of(
-                    host, parameter.key, value, float(errors[place]),
-                    form_error=FORM_SHARE * abs(value - origin),
-                    neutral=problem.trial_ship.neutral(parameter),
-                )
-            )  # fmt: skip
-            place += 1
-        found.append(tuple(own))
-    return found
-
-
-def _parameters(
-    file: Ship, problem: OutputError, model: Model, corrected: Ship
-) -> list[MovedNumber]:
-    """Return the parameters that the model has shifted by a tolerance or more."""
-    errors = problem.standard_errors(model)
-    found = []
-    for k, (prior, shift) in enumerate(zip(problem.priors, model.shifts, strict=True)):
-        tolerances = float(shift) / prior.near
-        if abs(tolerances) < TOLD:
-            continue
-        number = file.number(prior.key)
-        value = prior.value_at(float(shift))
-        spread = float(errors[k]) * (value if prior.ratio else 1.0)
-        found.append(
-            MovedNumber(
-                prior.key, number.info.unit, number.value, value, abs(spread), tolerances,
-                "tolerance", corrected.number(prior.key).value,
-            )
-        )  # fmt: skip
-    return found
-
-
-def _biased(file: Ship, replaced: dict[str, list[Prior]], finding: Finding) -> WrongNumber | None:
-    """Return the parameter of the ship file that would explain a finding as well."""
-    priors = replaced.get(finding.effect.label, [])
-    if len(priors) != 1:
-        return None
-    (prior,) = priors
-    number = file.number(prior.key)
-    return WrongNumber(prior.key, number.value, prior.value, number.info.unit, finding.score)
-
-
-def _remarks(best: Ranked, problem: OutputError) -> list[str]:
-    """Return remarks on held-out errors, and on parameters far from the file."""
-    before = problem.held_error(problem.file_model())
-    said = [
-        f"{column}: held-out rms error {was:.4g} with the ship file, {now:.4g} with the corrected ship"
-        for column, was, now in zip(problem.names, before, best.held, strict=True)
-    ]
-    far = sorted(problem.moved_far(best.model))
-    for k in far:
-        prior, shift = problem.priors[k], float(best.model.shifts[k])
-        said.append(
-            f"{prior.key} is estimated as {prior.value_at(shift):.4g} and is {prior.value:.4g} in the "
-            f"ship file, {abs(shift) / prior.near:.0f} tolerances away: the value or its tolerance in "
-            "the file is wrong"
-        )
-    errors = problem.standard_errors(best.model, guessed=True)
-    loose = [problem.priors[k].key for k in far if problem.priors[k].ratio and errors[k] > LOOSE]
-    if loose:
-        said.append(
-            f"{', '.join(loose)}: these recordings determine only a combination with other parameters; "
-            "the value holds as far as the tolerances of the others in the ship file do"
-        )
-    return said

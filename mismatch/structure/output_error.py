@@ -26,6 +26,7 @@ from ..simulate.at_once import at_once
 from ..simulate.balances import Balances
 from ..simulate.tolerances import START
 from .coordinates import FIXED, Coordinates
+from .first_states import with_first_states
 from .likelihood import Likelihood
 from .model import Floats, Model
 from .priors import Prior, parameter_priors
@@ -38,9 +39,6 @@ SKEW_ROWS = 0.29
 START_PRECISION = 0.01
 """Precision of a first state's shift in the deviations of :data:`START`: ten of them, because a lagging
 instrument does not measure the state."""
-
-FIRST_ROWS = 100
-"""Rows from which the first state of a held-out recording is estimated, at most."""
 
 FAR_TOLERANCES = 3.0
 """Tolerances beyond which a parameter has moved far from the ship file."""
@@ -95,10 +93,10 @@ class OutputError:
             START["ship_speed"] if ship.moves else 0.0,
         ]
         self.starts = np.tile(start, len(self.replay.runs))
-        self._measured = np.array([self.replay.recorded[c] for c in self.names])
-        self._largest = DIVERGED * np.abs(self._measured).max(axis=1) + 1.0
+        self.measured = np.array([self.replay.recorded[c] for c in self.names])
+        self._largest = DIVERGED * np.abs(self.measured).max(axis=1) + 1.0
         floor = np.array([LEAST_NOISE * self.replay.noise_rms[c] for c in self.names])
-        floor += 1e-9 * np.abs(self._measured).max(axis=1) + 1e-300
+        floor += 1e-9 * np.abs(self.measured).max(axis=1) + 1e-300
         fitted_lengths, held_lengths = ([b - a for a, b in s] for s in (fitted, held))
         self.likelihood = Likelihood(
             floor, fitted_lengths, held_lengths, self.replay.interval_s, highest_Hz
@@ -147,46 +145,20 @@ class OutputError:
 
     def simulate(self, model: Model) -> Floats:
         """Return a model's simulated channels on all rows, each recording from its own first state."""
-        return self.channels(model.effects, model.shifts, self._with_first_states(model))[0]
+        return self.channels(model.effects, model.shifts, with_first_states(self, model))[0]
 
     def residual(self, model: Model) -> Floats:
         """Return measured minus simulated on the fitted rows, shape (channels, rows)."""
         values, _ = self.channels(model.effects, model.shifts, model.nuisance)
-        return np.asarray((self._measured - values)[:, self.rows])
+        return np.asarray((self.measured - values)[:, self.rows])
 
     def held_residual(self, model: Model) -> Floats:
         """Return measured minus simulated on the held-out rows, shape (channels, rows)."""
-        return np.asarray((self._measured - self.simulate(model))[:, self.held_rows])
+        return np.asarray((self.measured - self.simulate(model))[:, self.held_rows])
 
     def held_error(self, model: Model) -> Floats:
         """Return the rms residual of a model on the held-out rows by channel."""
         return self.likelihood.rms(self.held_residual(model))
-
-    def _with_first_states(self, model: Model) -> Floats:
-        """Return a model's nuisance values with the first states of the recordings not fitted.
-
-        They are estimated from those recordings' first rows: what a lagging instrument measures first
-        is not the ship's state.
-        """
-        nuisance, scale = model.nuisance.copy(), 0.3
-        for run, (a, b) in enumerate(self.replay.segments):
-            own = [3 * run + k for k in range(3) if self.starts[3 * run + k] > 0.0]
-            if not own or np.any((self.rows >= a) & (self.rows < b)):
-                continue
-            first = slice(0, max(2, min(FIRST_ROWS, (b - a) // 4)))
-            for _ in range(3):
-                here = self.channels_of_run(run, model.effects, model.shifts, nuisance)
-                columns = []
-                for k in own:
-                    moved = nuisance.copy()
-                    moved[k] += scale
-                    there = self.channels_of_run(run, model.effects, model.shifts, moved)
-                    columns.append(((there - here)[:, : first.stop] / scale).ravel())
-                lacking = (self._measured[:, a : a + first.stop] - here[:, : first.stop]).ravel()
-                if not np.isfinite(columns).all() or not np.isfinite(lacking).all():
-                    break
-                nuisance[own] += np.linalg.lstsq(np.transpose(columns), lacking, rcond=1e-9)[0]
-        return nuisance
 
     def file_model(self) -> Model:
         """Return the ship as its file has it, not fitted."""
@@ -262,7 +234,7 @@ class OutputError:
         search = Coordinates(self, effects, begin)
         point = search.start
         values, slopes = self.channels(*search.split(point))
-        white = self.likelihood.white((self._measured - values)[:, self.rows])
+        white = self.likelihood.white((self.measured - values)[:, self.rows])
         score = self.score(white, begin.shifts, begin.nuisance, guessed)
         damping = 0.0
         for _ in range(MOST_STEPS):
@@ -285,7 +257,7 @@ class OutputError:
                 trial = search.stepped(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
                 moved = search.split(trial)
                 found = self.channels(*moved)
-                wrong = self.likelihood.white((self._measured - found[0])[:, self.rows])
+                wrong = self.likelihood.white((self.measured - found[0])[:, self.rows])
                 gained = self.score(wrong, moved[1], moved[2], guessed) - score
                 if gained > 0.0:
                     better = (trial, found, wrong)

@@ -250,8 +250,8 @@ def test_effect_on_a_motor_s_sensor_changes_one_reading(effect: Effect) -> None:
     nominal, changed = sail({}), sail(effect.present)
     assert sail(effect.neutral).tobytes() == nominal.tobytes()
     differing = [n for n in nominal.dtype.names or () if np.any(changed[n] != nominal[n])]
-    reading = "shaft_speed" if "speed" in effect.id else "motor_current"
-    assert differing == [f"measured_{reading}"]
+    speed = ["measured_shaft_speed", "shaft_power"]  # measured torque times measured speed
+    assert differing == (speed if "speed" in effect.id else ["measured_motor_current"])
 
 
 # optional numbers that describe the nominal ship and are no effects

@@ -259,9 +259,9 @@ def rms_of(values: Any) -> float:
 def test_a_plausible_range_counts_in_the_scale_that_it_names(trial_ship: TrialShip, toy: Any) -> None:
     most = 3e4 * float(toy.plant["gear_ratio"])  # the engine's, at the shaft
     friction = entry("coulomb-friction (engine)").parameters[0]
-    assert trial_ship.plausible_range(friction) == (0.0, pytest.approx(most))
+    assert trial_ship.plausible_range(friction) == pytest.approx((0.0, most))
     lag = entry("engine-torque-lag (engine)").parameters[0]
-    assert trial_ship.plausible_range(lag) == (0.0, pytest.approx(0.1 * (ROWS - 1.0)))
+    assert trial_ship.plausible_range(lag) == pytest.approx((0.0, 0.1 * (ROWS - 1.0)))
     fouling = entry("hull-fouling (hull)").parameters[0]
     assert trial_ship.plausible_range(fouling) == (-0.05, 1.0)
     current = entry("current (hull)").parameters[0]

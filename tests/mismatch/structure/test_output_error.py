@@ -44,8 +44,8 @@ def test_a_recording_that_was_not_fitted_starts_from_its_own_first_state() -> No
     own = problem(motor(), run(seed=6), run(seed=7).iloc[30:].reset_index(drop=True))
     model = own.fit((), own.file_model())
     free = own.channels(model.effects, model.shifts, model.nuisance)[0][:, own.held_rows]
-    plain = np.sqrt(np.mean((own._measured[:, own.held_rows] - free)[0, :40] ** 2))
-    told = np.sqrt(np.mean((own._measured - own.simulate(model))[0, own.held_rows[:40]] ** 2))
+    plain = np.sqrt(np.mean((own.measured[:, own.held_rows] - free)[0, :40] ** 2))
+    told = np.sqrt(np.mean((own.measured - own.simulate(model))[0, own.held_rows[:40]] ** 2))
     assert told < 0.5 < plain
 
 

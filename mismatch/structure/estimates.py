@@ -1,0 +1,98 @@
+"""Estimates of a chosen model as a diagnosis reports them: effects, parameters, and remarks on both."""
+
+from __future__ import annotations
+
+from ...plant.ship import Ship
+from ..estimate import Estimate
+from ..judge.findings import FORM_SHARE, Finding
+from ..numbers.moved import TOLD, MovedNumber
+from ..numbers.wrong import WrongNumber
+from ..search.fitting import Fitter
+from .choice import Ranked
+from .model import Model
+from .output_error import OutputError
+from .priors import Prior
+
+LOOSE = 0.3
+"""Standard error of a parameter's logarithm, the file's tolerances ignored, from which on the recordings
+determine it only together with other parameters."""
+
+
+def effect_estimates(problem: OutputError, model: Model, fitter: Fitter) -> list[tuple[Estimate, ...]]:
+    """Return the values of the effects with standard errors, all other free values uncertain as well."""
+    errors = problem.standard_errors(model)
+    host = fitter.trial_ship.host(model.effects)
+    found, place = [], len(model.shifts) + len(model.nuisance)
+    for placed in model.effects:
+        own = []
+        for parameter, value in placed.pairs:
+            origin = problem.trial_ship.origin(parameter)
+            own.append(
+                Estimate.of(
+                    host, parameter.key, value, float(errors[place]),
+                    form_error=FORM_SHARE * abs(value - origin),
+                    neutral=problem.trial_ship.neutral(parameter),
+                )
+            )  # fmt: skip
+            place += 1
+        found.append(tuple(own))
+    return found
+
+
+def parameter_estimates(
+    file: Ship, problem: OutputError, model: Model, corrected: Ship
+) -> list[MovedNumber]:
+    """Return the parameters that the model has shifted by a tolerance or more."""
+    errors = problem.standard_errors(model)
+    found = []
+    for k, (prior, shift) in enumerate(zip(problem.priors, model.shifts, strict=True)):
+        tolerances = float(shift) / prior.near
+        if abs(tolerances) < TOLD:
+            continue
+        number = file.number(prior.key)
+        value = prior.value_at(float(shift))
+        spread = float(errors[k]) * (value if prior.ratio else 1.0)
+        found.append(
+            MovedNumber(
+                prior.key, number.info.unit, number.value, value, abs(spread), tolerances,
+                "tolerance", corrected.number(prior.key).value,
+            )
+        )  # fmt: skip
+    return found
+
+
+def biased_parameter(
+    file: Ship, replaced: dict[str, list[Prior]], finding: Finding
+) -> WrongNumber | None:
+    """Return the parameter of the ship file that would explain a finding as well."""
+    priors = replaced.get(finding.effect.label, [])
+    if len(priors) != 1:
+        return None
+    (prior,) = priors
+    number = file.number(prior.key)
+    return WrongNumber(prior.key, number.value, prior.value, number.info.unit, finding.score)
+
+
+def remarks(best: Ranked, problem: OutputError) -> list[str]:
+    """Return remarks on held-out errors, and on parameters far from the file."""
+    before = problem.held_error(problem.file_model())
+    said = [
+        f"{column}: held-out rms error {was:.4g} with the ship file, {now:.4g} with the corrected ship"
+        for column, was, now in zip(problem.names, before, best.held, strict=True)
+    ]
+    far = sorted(problem.moved_far(best.model))
+    for k in far:
+        prior, shift = problem.priors[k], float(best.model.shifts[k])
+        said.append(
+            f"{prior.key} is estimated as {prior.value_at(shift):.4g} and is {prior.value:.4g} in the "
+            f"ship file, {abs(shift) / prior.near:.0f} tolerances away: the value or its tolerance in "
+            "the file is wrong"
+        )
+    errors = problem.standard_errors(best.model, guessed=True)
+    loose = [problem.priors[k].key for k in far if problem.priors[k].ratio and errors[k] > LOOSE]
+    if loose:
+        said.append(
+            f"{', '.join(loose)}: these recordings determine only a combination with other parameters; "
+            "the value holds as far as the tolerances of the others in the ship file do"
+        )
+    return said
