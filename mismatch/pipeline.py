@@ -156,10 +156,9 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         tick("judging on the data set aside", 1, 1)
         if options.quick or start.free:
             return diagnosis
-        closer = diagnose_structure(
+        return diagnose_structure(
             diagnosis, settings.best, together, effects, tick, options.tolerance, options.most_effects
         )
-        return closer or diagnosis
 
 
 def _judged(

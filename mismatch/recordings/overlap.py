@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...plant.columns import HEADING, SHAFT_ANGLE, TIME
+from ...plant.columns import HEADING, MEASURED, SHAFT_ANGLE, TIME
 from ...plant.recording import RecordingError
 from .load import Recording
 
@@ -49,7 +49,10 @@ def refuse_shared(one: Recording, other: Recording, why: str) -> None:
     if not columns:
         return
     first, length = _repeated(_rows(one, columns), _rows(other, columns))
-    if length >= LEAST_REPEATED:
+    # a command that is alike while nothing moves is no copy: two runs from rest begin alike
+    measured = other.table[[c for c in columns if c in MEASURED]].to_numpy(dtype=np.float64)
+    moves = bool(np.any(np.ptp(measured[first : first + length], axis=0) > 0.0)) if length else False
+    if length >= LEAST_REPEATED and moves:
         raise RecordingError(
             f"{other.source}: rows {first + 1} to {first + length} stand in {one.source} as well; {why}"
         )

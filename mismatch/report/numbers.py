@@ -54,13 +54,30 @@ def wrong_words(wrong: WrongNumber) -> str:
     return f"A wrong {wrong.key} would explain it as well ({value}; the file has {file})."
 
 
+FAR = 3.0
+"""Tolerances beyond which a parameter is biased in the ship file."""
+
+
 def numbers_that_explain(diagnosis: Outcome) -> str:
     """Free numbers that were put right, in words; empty where none was."""
-    right = [n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file]
+    return _changes(
+        [n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file]
+    )
+
+
+def biased_parameters(diagnosis: Outcome) -> str:
+    """Return the corrected parameters beyond three tolerances in words; empty where there are none."""
+    return _changes(
+        [n for n in diagnosis.numbers if abs(n.shifts) > FAR and n.corrected != n.file]
+    )
+
+
+def _changes(numbers: list[MovedNumber]) -> str:
+    """Return new and old values of parameters in words."""
     return " and ".join(
         f"{n.key} is {_as_in_the_file(n.corrected, n.unit)} in place of "
         f"{_as_in_the_file(n.file, n.unit)}"
-        for n in right
+        for n in numbers
     )
 
 

@@ -10,8 +10,11 @@ from ..judge.findings import Finding
 from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, BalanceVerdict
 from ..outcome import Outcome
 from .formulas import formula_sentence
-from .numbers import numbers_that_explain
+from .numbers import biased_parameters, numbers_that_explain
 from .wording import measure, parameter_words
+
+NEUTRAL = (0.0, 1.0)
+"""Values at which an effect is absent that a reader knows without the ship file."""
 
 
 def between(windows: list[tuple[float, float]]) -> str:
@@ -31,6 +34,8 @@ def finding_sentence(finding: Finding) -> str:
         unit = estimate.unit
         low, high = (measure(end, unit) for end in estimate.ci95)
         size = f"{measure(estimate.value, unit)} (95 %: {low} to {high})"
+        if estimate.neutral not in NEUTRAL and math.isfinite(estimate.neutral):
+            size += f", where the ship file has {measure(estimate.neutral, unit)}"
         if finding.unmeasured:
             size = f"about {measure(estimate.value, unit)}"
         alone = len(finding.estimates) == 1
@@ -98,7 +103,10 @@ def sentence(diagnosis: Outcome) -> str:
     if diagnosis.formula is not None:
         return f"Something is missing that has no name. {formula_sentence(diagnosis.formula)}"
     if shape is None:
-        return "Something is missing that the catalogue does not name."
+        unknown = "Something is missing that the catalogue does not name."
+        if biased := biased_parameters(diagnosis):
+            return f"{unknown} Parameters of the ship file are biased: {biased}."
+        return unknown
     signal = shape.signal.replace("_", " ")
     low, high = float(np.min(shape.values)), float(np.max(shape.values))
     if high <= 0.0:

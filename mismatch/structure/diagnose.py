@@ -39,7 +39,7 @@ from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, choose, total
 from .estimates import biased_parameter, effect_estimates, parameter_estimates, remarks
 from .far_parameters import replace_far_parameters
-from .model import Floats, Model
+from .model import Model
 from .output_error import OutputError
 from .search import StructureSearch
 
@@ -50,12 +50,17 @@ CLOSER = 0.8
 """Share of the first diagnosis's held-out error that the model of this search must come below, as the
 channels' geometric mean. Otherwise the first diagnosis stands: it knows effects that act for a time."""
 
+NO_CLOSER = (
+    "effects and parameters were also estimated together, which came no closer to the held-out data"
+)
+"""Remark where the first diagnosis stands."""
+
 MOST_VALUES = 120_000
 """Values of a recording, rows times channels, above which the search would take too long."""
 
-BETTER = 0.9
+BETTER = 0.95
 """Share of the held-out error of the ship without effects, its parameters refitted, that effects must
-come below."""
+come below; otherwise the parameters alone are reported."""
 
 def diagnose_structure(
     first: Diagnosis,
@@ -65,7 +70,7 @@ def diagnose_structure(
     tick: Tick,
     tolerance: float = 1.0,
     most: int | None = None,
-) -> Diagnosis | None:
+) -> Diagnosis:
     """Diagnose recordings with effects and parameters estimated together.
 
     Args:
@@ -78,13 +83,16 @@ def diagnose_structure(
         most: effects that are reported, at most.
 
     Returns:
-        The diagnosis; None where the first one is within the noise, or as close to the held-out data.
+        The diagnosis; the first one, with a remark, where it leaves noise or is as close to the held-out
+        data.
     """
     replay = setting.balances.replay
-    if first.left_over is None or first.ship.turns:
-        return None
-    if replay.rows * len(replay.channels) > MOST_VALUES:
-        return None
+    if first.left_over is None:
+        return first
+    values = replay.rows * len(replay.channels)
+    if first.ship.turns or values > MOST_VALUES:
+        why = "a ship that turns" if first.ship.turns else f"{values} values (at most {MOST_VALUES})"
+        return _with_remark(first, f"effects and parameters were not estimated together: {why}")
     bands = setting.fitter.bands
     segments = list(zip(bands.starts, bands.ends, strict=True))
     problem = OutputError(setting.balances, segments, setting.held, tolerance, bands.highest_Hz)
@@ -96,25 +104,31 @@ def diagnose_structure(
     before = rival.likelihood.rms(residual)
     noise = np.array([replay.noise_rms[c] for c in problem.names])
     if np.all(before <= OF_NOISE * noise):
-        return None
+        return first
     search = StructureSearch(problem, effects, tick, most, _effects_of(first))
     if min(total(problem.held_error(quick), before) for quick in search.quick_pass()) > CLOSER:
-        return None
+        return _with_remark(first, NO_CLOSER)
     ranked = search.search()
     best, alike = choose(ranked, problem.held_error(problem.file_model()))
     if total(best.compared, rival.likelihood.rms(residual, search.limit)) > CLOSER:
-        return None
+        return _with_remark(first, NO_CLOSER)
+    plain = next(one for one in ranked if not one.model.effects)
+    if best.model.effects and total(best.held, plain.held) > BETTER:
+        best, alike = plain, []
+        if total(best.compared, rival.likelihood.rms(residual, search.limit)) > CLOSER:
+            return _with_remark(first, NO_CLOSER)
     model, replaced = replace_far_parameters(search, best.model)
-    plain = next(one.held for one in ranked if not one.model.effects)
     if replaced:
         held = problem.held_error(model)
         best, alike = Ranked(model, search.merit(model), held, held), []
-        plain = problem.held_error(problem.file_model())  # without the parameters' new values
-    found = _diagnosed(first, search, setting, together, best, alike, ranked, plain)
-    if found.verdict == UNEXPLAINED:
-        return None
+    found = _diagnosed(first, search, setting, together, best, alike, ranked)
     wrong = [biased_parameter(first.ship, replaced, finding) for finding in found.findings]
     return replace(found, wrong=wrong)
+
+
+def _with_remark(first: Diagnosis, remark: str) -> Diagnosis:
+    """Return a diagnosis with one more remark."""
+    return replace(first, warnings=[*first.warnings, remark])
 
 
 def _effects_of(first: Diagnosis) -> tuple[Placed, ...]:
@@ -134,7 +148,6 @@ def _diagnosed(
     best: Ranked,
     alike: list[Ranked],
     ranked: list[Ranked],
-    plain: Floats,
 ) -> Diagnosis:
     """Return the first diagnosis with what a chosen model changes in it.
 
@@ -146,7 +159,6 @@ def _diagnosed(
         best: the chosen model.
         alike: models that the recordings cannot distinguish from it.
         ranked: all models.
-        plain: held-out error of the ship without effects by channel.
     """
     problem, model, replay = search.problem, best.model, setting.balances.replay
     ship = _with_parameters(first.ship, problem, model)
@@ -156,11 +168,9 @@ def _diagnosed(
     fitter = Fitter(balances, bands_of(balances, segments, bands.highest_Hz), problem.tolerance)
     fit = fitter.fitted(model.effects)
     whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
-    verdict = _verdict(best, plain, problem, whiteness, fit)
+    verdict = _verdict(best, problem, whiteness, fit)
     if verdict == NOTHING and too_little(replay.excited, together.limits):
         verdict = UNEXPLAINED
-    if verdict == UNEXPLAINED:
-        return replace(first, verdict=verdict)
     selection = _selection(fitter, fit, best, alike, ranked, search)
     corrected = fitter.trial_ship.corrected(fit.effects)
     findings = findings_of(fitter, selection, balances.lacking(balances.nominal))
@@ -210,17 +220,13 @@ def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
     return file
 
 
-def _verdict(
-    best: Ranked, plain: Floats, problem: OutputError, whiteness: Whiteness, fit: Fit
-) -> str:
+def _verdict(best: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit) -> str:
     """Return the verdict on a chosen model."""
     noise = np.array([problem.replay.noise_rms[c] for c in problem.names])
     quiet = bool(np.all(best.held <= OF_NOISE * np.maximum(noise, 1e-300)))
     white = whiteness.colour(fit) is None
     if not best.model.effects:
         return NOTHING if quiet or white else UNEXPLAINED
-    if total(best.held, plain) > BETTER and not (quiet or white):
-        return UNEXPLAINED
     ship = problem.trial_ship
     doubted = any(at_bound(ship, placed) or implausible(ship, placed) for placed in fit.effects)
     sound = not doubted and not problem.moved_far(best.model)
