@@ -16,9 +16,11 @@ from ...plant import Ship
 from ...plant.columns import (
     BOUNDS,
     COLUMNS,
+    ELECTRIC_POWER,
     RUDDER,
     RUDDER_COMMAND,
     SHAFT_ANGLE,
+    SHAFT_POWER,
     SHAFT_SPEED,
     TIME,
     answered_columns,
@@ -114,6 +116,8 @@ def _by_name(
             place = rank(split, column, ship, column in ordered)
             values = _numbers(left[name])
             if column != TIME and len(values) < len(left) / 2:  # words, such as the source of a speed
+                continue
+            if column in (SHAFT_POWER, ELECTRIC_POWER) and not np.any(values):  # not connected
                 continue
             guess = None if place is None else guess_unit(
                 split, column, ship, values, left[name], reverses

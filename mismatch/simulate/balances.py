@@ -12,7 +12,8 @@ smear over the others, as it does in the channels of an open-loop simulation.
     pitch       P/D - its answer to the command            [-]
     thrust      T - T(w, P/D, v_a), where it is measured   [N]
     current     i - (U - K w) / R, where it is measured    [A]
-    electric-power   P - P(U, w, load), where it is measured, of a drive whose torque is known [W]
+    electric-power   P - P(U, w, load), where it is measured, of a drive whose torque is known; load is
+                     the measured torque where the drive holds its speed [W]
     shaft-power      P - (I_R dw/dt + M_p + M_f) w, where it is measured without a shaft speed [W]
 
 Where a recording has the shaft's angle and not its speed, the speed is the angle's derivative at the
@@ -48,7 +49,7 @@ from ...plant.columns import (
     SWAY_SPEED,
     YAW_RATE,
 )
-from ...plant.drives.prime_mover import delivered_power
+from ...plant.drives.prime_mover import delivered_power, supplied_power
 from ...plant.dynamics import loads
 from ...plant.manoeuvring import planar_acceleration, planar_inertia
 from ...plant.shaft import inertia_behind_gauge
@@ -121,6 +122,15 @@ def _delivered(plant: Record, electric: NDArray[np.float64]) -> NDArray[np.float
     found = np.empty_like(electric)
     for k in range(len(electric)):
         found[k] = delivered_power(plant, electric[k])
+    return found
+
+
+@compiled
+def _supplied(plant: Record, mechanical: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the electric power [W] of a drive at each mechanical power [W]."""
+    found = np.empty_like(mechanical)
+    for k in range(len(mechanical)):
+        found[k] = supplied_power(plant, mechanical[k])
     return found
 
 
@@ -249,8 +259,10 @@ class Balances:
             elif name == "thrust":
                 found.append(channels["thrust_N"] - acting["thrust"])
             elif name == "electric-power":
-                inertial = 0.0 if replay.ship.turns_freely else right * acceleration * omega
-                found.append(channels[ELECTRIC_POWER] - acting["electric"] - inertial)
+                taken = acting["electric"]
+                if not replay.ship.turns_freely:  # the torque is measured, whatever the propeller does
+                    taken = _supplied(self.plant, (gauge + left * acceleration) * omega)
+                found.append(channels[ELECTRIC_POWER] - taken)
             elif name == "shaft-power":
                 found.append(channels[SHAFT_POWER] - (right * acceleration + acting["load"]) * omega)
             else:

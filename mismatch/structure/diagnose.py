@@ -39,7 +39,7 @@ from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, choose, total
 from .estimates import biased_parameter, effect_estimates, parameter_estimates, remarks
 from .far_parameters import replace_far_parameters
-from .model import Model
+from .model import Floats, Model
 from .output_error import OutputError
 from .search import StructureSearch
 
@@ -96,12 +96,11 @@ def diagnose_structure(
     bands = setting.fitter.bands
     segments = list(zip(bands.starts, bands.ends, strict=True))
     problem = OutputError(setting.balances, segments, setting.held, tolerance, bands.highest_Hz)
-    corrected = JointReplay(
-        first.corrected, *together.tables, line=replay.line, every=replay.every
+    residual = min(
+        (_held_residual(ship, setting, together, segments) for ship in _corrected(first)),
+        key=lambda one: float(np.sum(np.log(problem.likelihood.rms(one)))),
     )
-    rival = OutputError(Balances(corrected), segments, setting.held, 0.0)
-    residual = rival.held_residual(rival.file_model())
-    before = rival.likelihood.rms(residual)
+    before = problem.likelihood.rms(residual)
     noise = np.array([replay.noise_rms[c] for c in problem.names])
     if np.all(before <= OF_NOISE * noise):
         return first
@@ -110,12 +109,12 @@ def diagnose_structure(
         return _with_remark(first, NO_CLOSER)
     ranked = search.search()
     best, alike = choose(ranked, problem.held_error(problem.file_model()))
-    if total(best.compared, rival.likelihood.rms(residual, search.limit)) > CLOSER:
+    if total(best.compared, problem.likelihood.rms(residual, search.limit)) > CLOSER:
         return _with_remark(first, NO_CLOSER)
     plain = next(one for one in ranked if not one.model.effects)
     if best.model.effects and total(best.held, plain.held) > BETTER:
         best, alike = plain, []
-        if total(best.compared, rival.likelihood.rms(residual, search.limit)) > CLOSER:
+        if total(best.compared, problem.likelihood.rms(residual, search.limit)) > CLOSER:
             return _with_remark(first, NO_CLOSER)
     model, replaced = replace_far_parameters(search, best.model)
     if replaced:
@@ -124,6 +123,26 @@ def diagnose_structure(
     found = _diagnosed(first, search, setting, together, best, alike, ranked)
     wrong = [biased_parameter(first.ship, replaced, finding) for finding in found.findings]
     return replace(found, wrong=wrong)
+
+
+def _corrected(first: Diagnosis) -> list[Ship]:
+    """Return the corrected ship of a diagnosis, and the ship with a formula in place of its effects."""
+    if first.formula is None:
+        return [first.corrected]
+    return [first.corrected, first.ship.with_term(first.formula.term)]
+
+
+def _held_residual(
+    ship: Ship,
+    setting: Setting,
+    together: JointRecordings,
+    segments: list[tuple[int, int]],
+) -> Floats:
+    """Return measured minus simulated channels of a ship on the held-out rows."""
+    replay = setting.balances.replay
+    own = JointReplay(ship, *together.tables, line=replay.line, every=replay.every)
+    problem = OutputError(Balances(own), segments, setting.held, 0.0)
+    return problem.held_residual(problem.file_model())
 
 
 def _with_remark(first: Diagnosis, remark: str) -> Diagnosis:
