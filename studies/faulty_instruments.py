@@ -95,7 +95,8 @@ def diagnosed(cell: Cell) -> dict[str, Any]:
         file = Path(folder) / "recording.csv"
         table.to_csv(file, index=False)
         try:
-            found = diagnose(load_ship(case.ship), file, options=Options(exclude=case.exclude))
+            options = Options(exclude=case.exclude, quick=True)
+            found = diagnose(load_ship(case.ship), file, options=options)
         except RecordingError as error:
             return about | {"outcome": "refused", "said": str(error).removeprefix(f"{file}: ")}
     row = score("shaftline", found.to_dict(), reality.truth, reality)

@@ -55,8 +55,9 @@ NO_CLOSER = (
 )
 """Remark where the first diagnosis stands."""
 
-MOST_VALUES = 120_000
-"""Values of a recording, rows times channels, above which the search would take too long."""
+MOST_VALUES, MOST_ROWS = 120_000, 30_000
+"""Values of a recording, averaged rows times channels, and rows as recorded, above which the search would
+take too long."""
 
 BETTER = 0.95
 """Share of the held-out error of the ship without effects, its parameters refitted, that effects must
@@ -89,9 +90,7 @@ def diagnose_structure(
     replay = setting.balances.replay
     if first.left_over is None:
         return first
-    values = replay.rows * len(replay.channels)
-    if first.ship.turns or values > MOST_VALUES:
-        why = "a ship that turns" if first.ship.turns else f"{values} values (at most {MOST_VALUES})"
+    if why := left_out(first.ship, replay):
         return _with_remark(first, f"effects and parameters were not estimated together: {why}")
     bands = setting.fitter.bands
     segments = list(zip(bands.starts, bands.ends, strict=True))
@@ -123,6 +122,18 @@ def diagnose_structure(
     found = _diagnosed(first, search, setting, together, best, alike, ranked)
     wrong = [biased_parameter(first.ship, replaced, finding) for finding in found.findings]
     return replace(found, wrong=wrong)
+
+
+def left_out(ship: Ship, replay: JointReplay) -> str:
+    """Return why effects and parameters are not estimated together; empty where they can be."""
+    if ship.turns:
+        return "the ship turns"
+    rows, values = replay.rows * replay.every, replay.rows * len(replay.channels)
+    if rows > MOST_ROWS:
+        return f"the recordings have {rows} rows, more than {MOST_ROWS}; average rows to have it done"
+    if values > MOST_VALUES:
+        return f"the recordings have {values} values, more than {MOST_VALUES}; leave a channel out"
+    return ""
 
 
 def _corrected(first: Diagnosis) -> list[Ship]:

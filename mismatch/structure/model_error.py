@@ -15,7 +15,7 @@ from ..search.effect import Effect
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import total
-from .diagnose import CLOSER, MOST_VALUES, OF_NOISE
+from .diagnose import CLOSER, OF_NOISE, left_out
 from .model import Model
 from .output_error import OutputError
 from .priors import guessed_prior
@@ -50,7 +50,7 @@ def with_model_error(
         tick: called with the stage, how much is done, and how much there is.
     """
     replay = balances.replay
-    if not held or replay.rows * len(replay.channels) > MOST_VALUES:
+    if not held or left_out(replay.ship, replay):
         return found
     tables = [run.table for run in replay.runs]
     own = OutputError(

@@ -52,8 +52,9 @@ VARIED = 2
 FITTED = 6
 """Models of a round, the best first, that are fitted with their own derivatives."""
 
-POLISHED = 10
-"""Models, the best first, that are fitted to the end before they are compared."""
+POLISHED, WITHIN = 8, 100.0
+"""Models, the best first, that are fitted to the end before they are compared; and the distance from the
+best in 2 log L within which they are."""
 
 FROM_FAR = 3
 """Models of a round, the best first, that are fitted from parameters far from the file as well."""
@@ -100,8 +101,10 @@ class StructureSearch:
         self.pool = self._pass(
             THOROUGH._replace(most=self._most), "searching physics and parameters together"
         )
-        for model in sorted(self.pool.values(), key=self.merit, reverse=True)[:POLISHED]:
-            self._polish(model)
+        best = sorted(self.pool.values(), key=self.merit, reverse=True)[:POLISHED]
+        for model in best:
+            if self.merit(model) > self.merit(best[0]) - WITHIN:
+                self._polish(model)
         ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
         order = {effect.label: k for k, effect in enumerate(self.effects)}
         found = []

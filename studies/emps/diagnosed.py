@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import scipy
 
-from ...mismatch import diagnose
+from ...mismatch import Options, diagnose
 from ...mismatch.progress import Tick, silent
 from .runs import COULOMB, OFFSET, PUBLISHED, VISCOUS, Recordings, errors, rig
 
@@ -17,6 +17,9 @@ PASSED = 0.4
 fourth order on force and position alike."""
 
 MOST_HZ = 40.0
+
+QUICK = Options(quick=True)
+"""The first search alone; the page of rigs has both."""
 
 FILES = {
     "no Coulomb friction, no offset": {COULOMB: 0.0, OFFSET: 0.0},
@@ -39,7 +42,7 @@ def diagnosed(runs: Recordings, tick: Tick = silent) -> pd.DataFrame:
             _logged(table, every, kind == "filtered")
             for table in (runs.estimation, runs.validation)
         )
-        found = diagnose(ship, estimation, hold_out=[validation])
+        found = diagnose(ship, estimation, hold_out=[validation], options=QUICK)
         position, velocity = errors(found.corrected, runs.validation)
         rows.append(
             {

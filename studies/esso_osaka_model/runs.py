@@ -154,7 +154,9 @@ def diagnosed(
         tick: progress.
         most: effects that are named at most; the search's own number by default.
     """
-    options = Options(columns=runs.columns, free=free, exclude=exclude, most_effects=most)
+    options = Options(
+        columns=runs.columns, free=free, exclude=exclude, most_effects=most, quick=True
+    )
     said = diagnose(
         surge_ship(), *(runs.paths[name] for name in runs.fitted),
         hold_out=[runs.paths[name] for name in HELD_OUT], options=options, tick=tick,

@@ -185,7 +185,7 @@ def split(
         channels: measured columns that are compared.
     """
     fitted, held = shown_of(nominal, runs, unseen, reversals, channels)
-    options = Options(tolerance=TOLERANCE_FACTOR)
+    options = Options(tolerance=TOLERANCE_FACTOR, quick=True)
     found = diagnose(nominal, *fitted, hold_out=held, options=options)
     results = tuple(
         judged(nominal, found.corrected, run, table)
