@@ -56,8 +56,8 @@ NO_CLOSER = (
 """Remark where the first diagnosis stands."""
 
 MOST_VALUES, MOST_ROWS = 120_000, 30_000
-"""Values of a recording, averaged rows times channels, and rows as recorded, above which the search would
-take too long."""
+"""Values of a recording, averaged rows times channels, and rows as recorded, above which the search takes
+too long."""
 
 BETTER = 0.95
 """Share of the held-out error of the ship without effects, its parameters refitted, that effects must

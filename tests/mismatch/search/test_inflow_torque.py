@@ -1,4 +1,4 @@
-"""A propeller in air whose ship file has no inflow in its torque; the recording is made without the plant."""
+"""A propeller in air whose ship file has no inflow in its torque; the recording uses no plant."""
 
 from __future__ import annotations
 
