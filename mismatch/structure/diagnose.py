@@ -17,7 +17,7 @@ from ..judge.findings import (
     implausible,
 )
 from ..judge.fit import fits
-from ..judge.held_out import HeldOut, bands_of
+from ..judge.held_out import HeldOut, Segments, bands_of
 from ..judge.verdict import (
     EXPLAINED,
     NOTHING,
@@ -37,6 +37,7 @@ from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, choose, total
+from .coarser import coarser
 from .estimates import biased_parameter, effect_estimates, parameter_estimates, remarks
 from .far_parameters import replace_far_parameters
 from .model import Floats, Model
@@ -56,8 +57,8 @@ NO_CLOSER = (
 """Remark where the first diagnosis stands."""
 
 MOST_VALUES, MOST_ROWS = 120_000, 30_000
-"""Values of a recording, averaged rows times channels, and rows as recorded, above which the search takes
-too long."""
+"""Averaged rows of the recordings times channels, and rows as recorded, above which the search takes too
+long."""
 
 BETTER = 0.95
 """Share of the held-out error of the ship without effects, its parameters refitted, that effects must
@@ -87,16 +88,16 @@ def diagnose_structure(
         The diagnosis; the first one, with a remark, where it leaves noise or is as close to the held-out
         data.
     """
-    replay = setting.balances.replay
     if first.left_over is None:
         return first
+    replay = coarser(setting.balances.replay, MOST_ROWS)
     if why := left_out(first.ship, replay):
         return _with_remark(first, f"effects and parameters were not estimated together: {why}")
     bands = setting.fitter.bands
     segments = list(zip(bands.starts, bands.ends, strict=True))
-    problem = OutputError(setting.balances, segments, setting.held, tolerance, bands.highest_Hz)
+    problem = OutputError(Balances(replay), segments, setting.held, tolerance, bands.highest_Hz)
     residual = min(
-        (_held_residual(ship, setting, together, segments) for ship in _corrected(first)),
+        (_held_residual(ship, replay, segments, setting.held) for ship in _corrected(first)),
         key=lambda one: float(np.sum(np.log(problem.likelihood.rms(one)))),
     )
     before = problem.likelihood.rms(residual)
@@ -130,7 +131,7 @@ def left_out(ship: Ship, replay: JointReplay) -> str:
         return "the ship turns"
     rows, values = replay.rows * replay.every, replay.rows * len(replay.channels)
     if rows > MOST_ROWS:
-        return f"the recordings have {rows} rows, more than {MOST_ROWS}; average rows to have it done"
+        return f"the recordings have {rows} rows, more than {MOST_ROWS}; shorten them"
     if values > MOST_VALUES:
         return f"the recordings have {values} values, more than {MOST_VALUES}; leave a channel out"
     return ""
@@ -144,15 +145,12 @@ def _corrected(first: Diagnosis) -> list[Ship]:
 
 
 def _held_residual(
-    ship: Ship,
-    setting: Setting,
-    together: JointRecordings,
-    segments: list[tuple[int, int]],
+    ship: Ship, replay: JointReplay, segments: Segments, held: Segments
 ) -> Floats:
     """Return measured minus simulated channels of a ship on the held-out rows."""
-    replay = setting.balances.replay
-    own = JointReplay(ship, *together.tables, line=replay.line, every=replay.every)
-    problem = OutputError(Balances(own), segments, setting.held, 0.0)
+    tables = [run.table for run in replay.runs]
+    own = JointReplay(ship, *tables, line=replay.line, every=replay.every)
+    problem = OutputError(Balances(own), segments, held, 0.0)
     return problem.held_residual(problem.file_model())
 
 

@@ -15,7 +15,8 @@ from ..search.effect import Effect
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import total
-from .diagnose import CLOSER, OF_NOISE, left_out
+from .coarser import coarser
+from .diagnose import CLOSER, MOST_ROWS, OF_NOISE, left_out
 from .model import Model
 from .output_error import OutputError
 from .priors import guessed_prior
@@ -49,18 +50,17 @@ def with_model_error(
         effects: candidates.
         tick: called with the stage, how much is done, and how much there is.
     """
-    replay = balances.replay
+    replay = coarser(balances.replay, MOST_ROWS)
     if not held or left_out(replay.ship, replay):
         return found
     tables = [run.table for run in replay.runs]
-    own = OutputError(
-        Balances(JointReplay(identified, *tables, line=replay.line)), fitted, held, 0.0
-    )
+    rival = JointReplay(identified, *tables, line=replay.line, every=replay.every)
+    own = OutputError(Balances(rival), fitted, held, 0.0)
     before = own.held_error(own.file_model())
     noise = np.array([replay.noise_rms[c] for c in own.names])
     if np.all(before <= OF_NOISE * noise):
         return found
-    problem = OutputError(balances, fitted, held)
+    problem = OutputError(Balances(replay), fitted, held)
     known = {prior.key: prior for prior in problem.priors} | {
         key: guessed_prior(replay.ship.number(key))
         for key in found.keys
