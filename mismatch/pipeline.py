@@ -32,7 +32,6 @@ from .judge.verdict import (
     SURE_GAIN,
     UNEXPLAINED,
     Verdict,
-    capped,
     explained_shares,
     sure_effects,
     too_little,
@@ -226,7 +225,7 @@ def _judged(
     ]
     interval = replay.interval_s
     return Diagnosis(
-        verdict=capped(verdict),
+        verdict=verdict.name,
         ship=ship,
         corrected=corrected,
         time_s=replay.time_s,

@@ -24,10 +24,6 @@ EXPLAINED_SHARE = 0.8
 """Named effects must explain this share of the residual's power beyond the noise, where what is left is
 more than noise; else they are not all of the truth."""
 
-MUCH_LEFT = 1000.0
-"""Power of the residual over the noise's, in the band where it stands out most, above which a difference
-is explained in part at most, whatever share the effects explain: thirty times the noise's size."""
-
 SURE_SHARE, SURE_GAIN = 0.5, 10.0
 """Where they do not, an effect still holds that explains this share of its own balance's power, and
 whose gain is so many times its threshold."""
@@ -116,12 +112,6 @@ def verdict_of(
         name = UNEXPLAINED if more else NOTHING
     told = fit if name in (EXPLAINED, PARTLY) else null
     return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, told, name))
-
-
-def capped(verdict: Verdict) -> str:
-    """Return the name of a verdict: explained in part at most where :data:`MUCH_LEFT` is exceeded."""
-    much = verdict.left_over is not None and verdict.left_over.ratio > MUCH_LEFT
-    return PARTLY if verdict.name == EXPLAINED and much else verdict.name
 
 
 def balance_verdicts(whiteness: Whiteness, fit: Fit, name: str) -> tuple[BalanceVerdict, ...]:

@@ -56,6 +56,12 @@ NO_CLOSER = (
 )
 """Remark where the first diagnosis stands."""
 
+NO_MODEL = (
+    "effects and parameters were also estimated together: models of many values come closer to the "
+    "held-out data, but no model whose effects all pay does"
+)
+"""Remark where the first diagnosis stands and is not the whole truth."""
+
 MOST_VALUES, MOST_ROWS = 120_000, 30_000
 """Averaged rows of the recordings times channels, and rows as recorded, above which the search takes too
 long."""
@@ -110,12 +116,12 @@ def diagnose_structure(
     ranked = search.search()
     best, alike = choose(ranked, problem.held_error(problem.file_model()))
     if total(best.compared, problem.likelihood.rms(residual, search.limit)) > CLOSER:
-        return _with_remark(first, NO_CLOSER)
+        return _doubted(first)
     plain = next(one for one in ranked if not one.model.effects)
     if best.model.effects and total(best.held, plain.held) > BETTER:
         best, alike = plain, []
         if total(best.compared, problem.likelihood.rms(residual, search.limit)) > CLOSER:
-            return _with_remark(first, NO_CLOSER)
+            return _doubted(first)
     model, replaced = replace_far_parameters(search, best.model)
     if replaced:
         held = problem.held_error(model)
@@ -152,6 +158,12 @@ def _held_residual(
     own = JointReplay(ship, *tables, line=replay.line, every=replay.every)
     problem = OutputError(Balances(own), segments, held, 0.0)
     return problem.held_residual(problem.file_model())
+
+
+def _doubted(first: Diagnosis) -> Diagnosis:
+    """Return a diagnosis that stands although richer models are closer: explained in part at most."""
+    verdict = PARTLY if first.verdict == EXPLAINED else first.verdict
+    return _with_remark(replace(first, verdict=verdict), NO_MODEL)
 
 
 def _with_remark(first: Diagnosis, remark: str) -> Diagnosis:

@@ -26,8 +26,6 @@ from .test_catalogue import one_round  # noqa: F401 (a fixture)
 ON_THE_BENCH: list[tuple[str, tuple[float, ...]]] = [
     ("command-delay (motor)", (0.06,)),
     ("command-lag (motor)", (0.3,)),
-    ("coulomb-friction (motor, by-direction)", (0.07, 0.4)),
-    ("viscous-friction (motor, by-direction)", (4e-4, -0.6)),
 ]
 
 ON_THE_THRUSTER: list[tuple[str, tuple[float, ...]]] = [
