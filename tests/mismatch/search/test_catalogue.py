@@ -212,8 +212,6 @@ def test_a_drive_without_a_propeller_is_offered_nothing_of_one(servo: Ship) -> N
         "load-friction (motor)",
         "command-delay (motor)",
         "command-lag (motor)",
-        "coulomb-friction (motor, by-direction)",
-        "viscous-friction (motor, by-direction)",
         "torque-sensor-lag (sensor)",
     }
     assert not any("propeller" in said for e in found.values() for said in (e.lacks, e.equation))

@@ -16,7 +16,7 @@ from shaftline.plant.replay import simulate_recording
 
 from ..structure.test_search import BY_SWITCHING
 from ..voyages import bench_tug, frigate_voyage, quick_frigate, tug_run
-from . import test_catalogue, test_catalogue_rigs, test_catalogue_turning
+from . import test_catalogue, test_catalogue_rigs, test_catalogue_turning, test_inflow_torque
 from .test_catalogue import _named, one_round  # noqa: F401 (a fixture)
 
 
@@ -111,6 +111,7 @@ def test_every_entry_is_concealed_by_a_test_here() -> None:
         for label, _ in getattr(test_catalogue_rigs, group)
     }
     turning = {label for label, _ in test_catalogue_turning.TURNING} | rigs
+    turning |= {test_inflow_torque.LABEL}
     terms = {e.label for e in catalogue() if e.term is not None}
     assert {label for label, _ in FORMS} == terms - turning
     concealed = {(e, b) for e, b, _ in test_catalogue.ON_THE_FRIGATE} | {

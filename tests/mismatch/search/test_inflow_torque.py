@@ -10,6 +10,7 @@ from shaftline.mismatch import diagnose
 from shaftline.plant import Ship
 
 DENSITY, DIAMETER_M, TORQUE_COEFFICIENT = 1.2, 0.2, 0.0173
+LABEL = "inflow-torque (propeller)"
 SLOPE = -5e-6  # N m s2/(rad m)
 
 
@@ -53,7 +54,7 @@ def _run(seed: int) -> pd.DataFrame:
 def test_the_torque_that_an_inflow_takes_off_is_identified() -> None:
     found = diagnose(_rig(), _run(1), hold_out=[_run(2)])
     assert found.verdict == "explained"
-    assert [finding.effect.id for finding in found.findings] == ["inflow-torque"]
+    assert [finding.effect.label for finding in found.findings] == [LABEL]
     (slope,) = found.findings[0].estimates
     assert slope.value == pytest.approx(SLOPE, rel=0.03)
     assert "the propeller's torque falls more with the advance ratio" in found.sentence
