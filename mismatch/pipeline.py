@@ -156,7 +156,13 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         if options.quick or start.free:
             return diagnosis
         return diagnose_structure(
-            diagnosis, settings.best, together, effects, tick, options.tolerance, options.most_effects
+            diagnosis,
+            settings.best,
+            together,
+            effects,
+            tick,
+            options.tolerance,
+            options.most_effects,
         )
 
 

@@ -46,7 +46,12 @@ class Sensors(Section):
         ge=0, le=60,
     )  # fmt: skip
     thrust_gain: float = effect(
-        1.0, "thrust read per thrust", record="thrust_sensor_gain", needs="has_propeller", gt=0, le=3
+        1.0,
+        "thrust read per thrust",
+        record="thrust_sensor_gain",
+        needs="has_propeller",
+        gt=0,
+        le=3,
     )
     thrust_bias_N: float = effect(
         0.0, "thrust read at no thrust", "N", record="thrust_sensor_bias", needs="has_propeller",

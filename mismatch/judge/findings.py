@@ -115,7 +115,9 @@ def implausible(trial_ship: TrialShip, placed: Placed) -> str:
         if not low <= value <= high:
             unit = parameter.number(trial_ship.ship).info.unit
             unit = "" if unit == "-" else f" {unit}"
-            return f"{parameter.name} lies outside its plausible range, {low:.4g} to {high:.4g}{unit}"
+            return (
+                f"{parameter.name} lies outside its plausible range, {low:.4g} to {high:.4g}{unit}"
+            )
     return ""
 
 

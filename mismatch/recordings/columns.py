@@ -79,7 +79,8 @@ class ColumnMap(FileModel):
         key = "column" if info.field_name == "columns" else "signal"
         given = {k: {key: v} if isinstance(v, str) else v for k, v in value.items()}
         return {
-            k: {key: k} | v if isinstance(v, dict) and "formula" in v else v for k, v in given.items()
+            k: {key: k} | v if isinstance(v, dict) and "formula" in v else v
+            for k, v in given.items()
         }
 
     @property

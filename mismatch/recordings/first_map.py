@@ -115,12 +115,16 @@ def _by_name(
         for name, split in names.items():
             place = rank(split, column, ship, column in ordered)
             values = _numbers(left[name])
-            if column != TIME and len(values) < len(left) / 2:  # words, such as the source of a speed
+            if (
+                column != TIME and len(values) < len(left) / 2
+            ):  # words, such as the source of a speed
                 continue
             if column in (SHAFT_POWER, ELECTRIC_POWER) and not np.any(values):  # not connected
                 continue
-            guess = None if place is None else guess_unit(
-                split, column, ship, values, left[name], reverses
+            guess = (
+                None
+                if place is None
+                else guess_unit(split, column, ship, values, left[name], reverses)
             )
             if place is None or guess is None:
                 continue
@@ -194,7 +198,9 @@ def _by_cells(
         if sum(column in those for those in fitting.values()) == 1:
             guess = guess_unit(names[name], column, ship, _numbers(left[name]))
             assert guess is not None
-            found[column] = _Choice(name, Guess(guess.unit, guess.more, "guessed from the unit alone"))
+            found[column] = _Choice(
+                name, Guess(guess.unit, guess.more, "guessed from the unit alone")
+            )
 
 
 def _line(name: str, column: str, guess: Guess) -> str:
@@ -210,7 +216,17 @@ def _quoted(name: str) -> str:
 
 
 def _counts_turns(name: LoggerName) -> bool:
-    return name.unit.lower() in ("rpm", "rps", "1/min", "min-1", "min^-1", "r/min", "u/min", "1/s", "hz")
+    return name.unit.lower() in (
+        "rpm",
+        "rps",
+        "1/min",
+        "min-1",
+        "min^-1",
+        "r/min",
+        "u/min",
+        "1/s",
+        "hz",
+    )
 
 
 def _numbers(values: pd.Series) -> NDArray[np.float64]:

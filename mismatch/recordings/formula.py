@@ -37,7 +37,9 @@ def check_formula(formula: str, names: Mapping[str, str]) -> None:
         raise ValueError(f"{formula!r} uses no column; a formula needs the name of one at least")
     for name in names:
         if name not in used or name in FUNCTIONS:
-            raise ValueError(f"names.{name} does not stand in {formula!r} (it uses {', '.join(used)})")
+            raise ValueError(
+                f"names.{name} does not stand in {formula!r} (it uses {', '.join(used)})"
+            )
 
 
 def columns_in(formula: str, names: Mapping[str, str]) -> dict[str, str]:

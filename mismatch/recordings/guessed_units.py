@@ -81,7 +81,9 @@ def guess_unit(
         return Guess(stated, (), doubt)
     linear = not ship.moves and not ship.has_propeller
     if linear and BOUNDS[column][2] in LINEAR and _is_unit_of(stated, column, 1.0):
-        said = "a linear axis: set the radius, or keep 1 m and give the ship file masses for inertias"
+        said = (
+            "a linear axis: set the radius, or keep 1 m and give the ship file masses for inertias"
+        )
         return Guess(stated, ("radius_m = 1.0",), said)
     return None
 
@@ -100,7 +102,9 @@ def _time(stated: str, values: NDArray[np.float64], cells: pd.Series | None) -> 
         if largest >= least:
             return Guess(unit, (), f"unit not stated; the values are those of a clock in {unit}")
     if len(values) > 2 and np.allclose(np.diff(values), 1.0):
-        return Guess("s", (), "unit not stated; if it counts rows, add scale = seconds from row to row")
+        return Guess(
+            "s", (), "unit not stated; if it counts rows, add scale = seconds from row to row"
+        )
     return Guess("s", (), "unit not stated: s taken")
 
 

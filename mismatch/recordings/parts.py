@@ -51,7 +51,9 @@ def load_parts(
     refuse_other_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
     raw, mapped = read_mapped(source, ship, columns, name)
-    time = pd.to_numeric(with_seconds(path, raw)[0].get(TIME, pd.Series(dtype=float)), errors="coerce")
+    time = pd.to_numeric(
+        with_seconds(path, raw)[0].get(TIME, pd.Series(dtype=float)), errors="coerce"
+    )
     found = parts(time.to_numpy(dtype=np.float64))
     kept = [(a, b) for a, b in found if b - a >= LEAST_OF_ONE]
     rows = sum(b - a for a, b in kept)
@@ -63,9 +65,7 @@ def load_parts(
         f"{', ...' if len(cuts) > 5 else ''}) into {len(kept)} parts, each simulated from its own start"
     )
     if rows < len(raw):
-        said += (
-            f"; {len(raw) - rows} rows in parts of fewer than {LEAST_OF_ONE} rows were left out"
-        )
+        said += f"; {len(raw) - rows} rows in parts of fewer than {LEAST_OF_ONE} rows were left out"
     result = []
     for number, (a, b) in enumerate(kept, 1):
         part = raw.iloc[a:b].reset_index(drop=True)

@@ -41,7 +41,9 @@ def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
         if said := rectified_remark(table, simulated, column, drive_column(ship), noise):
             rectified.append(column)
             yield said
-    compared = [c for c in measured if c not in rectified and simulated is not None and c in simulated]
+    compared = [
+        c for c in measured if c not in rectified and simulated is not None and c in simulated
+    ]
     yield from timing_remarks(reference.table, simulated, compared, recording.interval_s)
     for column in (*orders, *measured):
         if said := quantisation_remark(column, table[column].to_numpy(dtype=float)):

@@ -21,7 +21,13 @@ KINEMATIC = ((SHAFT_ANGLE, SHAFT_SPEED), (HEADING, YAW_RATE))
 _LEAST_ROWS = 200
 _WIDEST = 0.08  # share of the rows up to which a lag is looked for
 _MOST = 400  # rows, the same
-_SMOOTHED = (3, 7, 15, 31, 63)  # rows over which both derivatives are averaged, the least that tells
+_SMOOTHED = (
+    3,
+    7,
+    15,
+    31,
+    63,
+)  # rows over which both derivatives are averaged, the least that tells
 _TELLS = 0.8  # correlation from which no more smoothing is tried
 _LEAST = 0.6  # correlation below which no lag is told
 _NEAREST = 0.95  # share of the highest peak from which one nearer to no lag is preferred

@@ -218,7 +218,9 @@ class Yardstick:
                 continue
             found = self._explaining(column, column, slips_of(column, self.ship))
             if found and rectified_remark(self.table, self.sailed, column, self._drive, 0.0):
-                found = [slip for slip in found if slip.factor > 0.0]  # the sign is lost, not turned
+                found = [
+                    slip for slip in found if slip.factor > 0.0
+                ]  # the sign is lost, not turned
             if found := found or self._magnitudes_apart(column):
                 yield self._sentence(column, found)
 

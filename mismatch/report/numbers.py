@@ -60,16 +60,12 @@ FAR = 3.0
 
 def numbers_that_explain(diagnosis: Outcome) -> str:
     """Free numbers that were put right, in words; empty where none was."""
-    return _changes(
-        [n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file]
-    )
+    return _changes([n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file])
 
 
 def biased_parameters(diagnosis: Outcome) -> str:
     """Return the corrected parameters beyond three tolerances in words; empty where there are none."""
-    return _changes(
-        [n for n in diagnosis.numbers if abs(n.shifts) > FAR and n.corrected != n.file]
-    )
+    return _changes([n for n in diagnosis.numbers if abs(n.shifts) > FAR and n.corrected != n.file])
 
 
 def _changes(numbers: list[MovedNumber]) -> str:

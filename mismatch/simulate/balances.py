@@ -260,11 +260,15 @@ class Balances:
                 found.append(channels["thrust_N"] - acting["thrust"])
             elif name == "electric-power":
                 taken = acting["electric"]
-                if not replay.ship.turns_freely:  # the torque is measured, whatever the propeller does
+                if (
+                    not replay.ship.turns_freely
+                ):  # the torque is measured, whatever the propeller does
                     taken = _supplied(self.plant, (gauge + left * acceleration) * omega)
                 found.append(channels[ELECTRIC_POWER] - taken)
             elif name == "shaft-power":
-                found.append(channels[SHAFT_POWER] - (right * acceleration + acting["load"]) * omega)
+                found.append(
+                    channels[SHAFT_POWER] - (right * acceleration + acting["load"]) * omega
+                )
             else:
                 found.append(channels["motor_current_A"] - acting["current"])
         return np.array(found)

@@ -70,6 +70,7 @@ BETTER = 0.95
 """Share of the held-out error of the ship without effects, its parameters refitted, that effects must
 come below; otherwise the parameters alone are reported."""
 
+
 def diagnose_structure(
     first: Diagnosis,
     setting: Setting,
@@ -150,9 +151,7 @@ def _corrected(first: Diagnosis) -> list[Ship]:
     return [first.corrected, first.ship.with_term(first.formula.term)]
 
 
-def _held_residual(
-    ship: Ship, replay: JointReplay, segments: Segments, held: Segments
-) -> Floats:
+def _held_residual(ship: Ship, replay: JointReplay, segments: Segments, held: Segments) -> Floats:
     """Return measured minus simulated channels of a ship on the held-out rows."""
     tables = [run.table for run in replay.runs]
     own = JointReplay(ship, *tables, line=replay.line, every=replay.every)
@@ -216,7 +215,9 @@ def _diagnosed(
     findings = findings_of(fitter, selection, balances.lacking(balances.nominal))
     findings = [
         replace(finding, estimates=estimates)
-        for finding, estimates in zip(findings, effect_estimates(problem, model, fitter), strict=True)
+        for finding, estimates in zip(
+            findings, effect_estimates(problem, model, fitter), strict=True
+        )
     ]
     after = dict(zip(problem.names, problem.simulate(model), strict=True))
     judge = HeldOut(setting.fitter, setting.held)

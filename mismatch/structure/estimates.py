@@ -18,7 +18,9 @@ LOOSE = 0.3
 determine it only together with other parameters."""
 
 
-def effect_estimates(problem: OutputError, model: Model, fitter: Fitter) -> list[tuple[Estimate, ...]]:
+def effect_estimates(
+    problem: OutputError, model: Model, fitter: Fitter
+) -> list[tuple[Estimate, ...]]:
     """Return the values of the effects with standard errors, all other free values uncertain as well."""
     errors = problem.standard_errors(model)
     host = fitter.trial_ship.host(model.effects)

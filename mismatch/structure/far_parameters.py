@@ -70,7 +70,11 @@ def _with_effect(search: StructureSearch, model: Model, group: list[int]) -> Mod
     best = max(found, key=lambda one: one.score, default=held)
     # a far parameter costs no more than the probability that the file is wrong
     worse = best.score + TELL_APART < model.score + price
-    if worse or len(best.effects) == len(model.effects) or set(group) & set(problem.moved_far(best)):
+    if (
+        worse
+        or len(best.effects) == len(model.effects)
+        or set(group) & set(problem.moved_far(best))
+    ):
         problem.priors[:] = before
         return None
     return best

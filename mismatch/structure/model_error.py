@@ -84,9 +84,7 @@ def _widened(found: Found, problem: OutputError, model: Model, error: float) -> 
         prior.key: prior.value_at(float(shift))
         for prior, shift in zip(problem.priors, model.shifts, strict=True)
     }
-    values = [
-        shifts.get(key, value) for key, value in zip(found.keys, found.values, strict=True)
-    ]
+    values = [shifts.get(key, value) for key, value in zip(found.keys, found.values, strict=True)]
     apart = np.array(values) - np.array(found.values)
     changes = ", ".join(
         f"{key} to {value:.4g}" for key, value in zip(found.keys, values, strict=True)

@@ -165,7 +165,9 @@ class OutputError:
         nuisance = np.zeros(len(self.starts) + len(self.names))
         return Model((), np.zeros(len(self.priors)), nuisance, -math.inf)
 
-    def score(self, white: Floats, shifts: Floats, nuisance: Floats, guessed: bool = False) -> float:
+    def score(
+        self, white: Floats, shifts: Floats, nuisance: Floats, guessed: bool = False
+    ) -> float:
         """Return 2 log L of whitened residuals on the fitted rows, with the priors."""
         pairs = zip(self.priors, shifts, strict=True)
         cost = sum(prior.penalty(float(shift), guessed) for prior, shift in pairs)
@@ -306,7 +308,9 @@ class OutputError:
                     there = self.channels_of_run(run, *search.split(inside))
                     column[:, own] = (there - here) / change
             column = column[:, self.rows]
-            return self.likelihood.white(column if np.isfinite(column).all() else np.zeros_like(column))
+            return self.likelihood.white(
+                column if np.isfinite(column).all() else np.zeros_like(column)
+            )
 
         moving = [k for k in range(first, len(point)) if search.steps[k] > 0.0]
         found = np.zeros((len(point) - first, *self.likelihood.shape))

@@ -71,9 +71,7 @@ def driven(plant: Record, engine_speed: Real, demand: Real, states: Driving) -> 
 
 
 @compiled
-def electric_power(
-    plant: Record, mover: Driven, brake_torque: Real, engine_speed: Real
-) -> Real:
+def electric_power(plant: Record, mover: Driven, brake_torque: Real, engine_speed: Real) -> Real:
     """Electric power [W] that a drive takes from its supply; 0 of a diesel.
 
     Args:

@@ -34,7 +34,9 @@ def test_thrust_and_torque_are_those_of_any_fluid(density: float) -> None:
     ship = fan(water={"density_kg_m3": density})
     found = simulate(ship, Schedule(speed, 0.7), 0.5, initial=State(0.7, speed, 0.0))[-1]
     assert found["thrust"] == pytest.approx(density * 200.0**2 * 0.2**4 * 0.1, rel=1e-12)
-    assert found["propeller_torque"] == pytest.approx(density * 200.0**2 * 0.2**5 * 0.017, rel=1e-12)
+    assert found["propeller_torque"] == pytest.approx(
+        density * 200.0**2 * 0.2**5 * 0.017, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(

@@ -131,7 +131,10 @@ def test_speed_sensor_lags_behind_a_ramp_by_its_time_constant(plant: Any, memory
 
 @pytest.mark.parametrize(
     ("key", "output", "reading"),
-    [("torque_sensor_lag", "shaft_torque", "shaft_torque"), ("thrust_sensor_lag", "thrust", "thrust")],
+    [
+        ("torque_sensor_lag", "shaft_torque", "shaft_torque"),
+        ("thrust_sensor_lag", "thrust", "thrust"),
+    ],
 )
 def test_torque_and_thrust_sensors_lag_behind_a_ramp(
     plant: Any, memory: Any, key: str, output: str, reading: str
@@ -160,7 +163,9 @@ def test_gains_of_speed_and_current_are_read(plant: Any, memory: Any) -> None:
 
 def test_a_motor_s_command_lags_as_a_first_order_filter() -> None:
     """A step of 4 V behind a lag of 3.4 steps: start, middle and end of each step on the exponential."""
-    plant = load_ship("tito-neri-sine").with_values({"prime_mover.command_lag_s": 3.4 * DT}).record()
+    plant = (
+        load_ship("tito-neri-sine").with_values({"prime_mover.command_lag_s": 3.4 * DT}).record()
+    )
     memory = np.zeros(1, MEMORY)[0]
     for k in range(8):
         end = begin_step(plant, memory, 4.0, DT)

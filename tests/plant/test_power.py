@@ -33,7 +33,9 @@ def test_a_drive_that_brakes_gives_back_what_its_losses_leave() -> None:
     assert supplied_power(plant, -100.0) == pytest.approx(-75.0)
     assert supplied_power(plant, 100.0) == pytest.approx(130.0)
     for mechanical in (-100.0, 0.0, 40.0):
-        assert delivered_power(plant, supplied_power(plant, mechanical)) == pytest.approx(mechanical)
+        assert delivered_power(plant, supplied_power(plant, mechanical)) == pytest.approx(
+            mechanical
+        )
 
 
 def test_a_motor_takes_its_voltage_times_its_current() -> None:

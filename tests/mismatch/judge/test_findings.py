@@ -98,9 +98,7 @@ def test_a_value_that_physics_does_not_allow_is_reported_as_such(
     both: tuple[Fitter, Selection],
 ) -> None:
     fit, selection = both
-    chosen = Selection(
-        fit.fitted((Placed(HULL_FOULING, (1.2,)),)), (90.0,), (8.0,), ((),), ()
-    )
+    chosen = Selection(fit.fitted((Placed(HULL_FOULING, (1.2,)),)), (90.0,), (8.0,), ((),), ())
     (found,) = findings_of(fit, chosen, lacking(fit))
     said = "fouling_fraction lies outside its plausible range, -0.05 to 1"
     assert (found.implausible, found.unmeasured) == (said, "")

@@ -127,7 +127,9 @@ def test_the_upper_bound_of_what_is_whole_there_is_no_end_of_a_search() -> None:
 @pytest.mark.parametrize(
     ("value", "name"), [(0.49, PARTLY), (0.5, EXPLAINED), (2.0, EXPLAINED), (2.01, PARTLY)]
 )
-def test_a_value_outside_its_plausible_range_explains_nothing_wholly(value: float, name: str) -> None:
+def test_a_value_outside_its_plausible_range_explains_nothing_wholly(
+    value: float, name: str
+) -> None:
     chosen = selection(100.0, value=value, plausible=(0.5, 2.0))
     assert verdict(chosen, Whiteness([[9.0]], [[1.0]])) == name
 

@@ -65,7 +65,9 @@ def test_a_signal_and_names_with_blanks(tmp_path: Path) -> None:
 
 
 def test_functions_tables_and_constants_are_those_of_terms(tmp_path: Path) -> None:
-    text = '[columns]\nthrust_N = { formula = "max(table(rpm, 0, 0, 120, 6), 4) - 2**3 + min(P, 1)" }'
+    text = (
+        '[columns]\nthrust_N = { formula = "max(table(rpm, 0, 0, 120, 6), 4) - 2**3 + min(P, 1)" }'
+    )
     found = mapped(tmp_path, text, raw())
     np.testing.assert_allclose(found["thrust_N"], [4.0 - 8.0 + 0.5, 6.0 - 8.0 + 1.0, -1.0])
 
@@ -102,7 +104,9 @@ def test_what_cannot_be_worked_out_is_refused(tmp_path: Path, line: str, words: 
 
 def test_a_column_that_is_there_is_not_worked_out(tmp_path: Path) -> None:
     table = raw().assign(thrust_N=1.0)
-    with pytest.raises(RecordingError, match="thrust_N is in the recording and given by 'thrust_N'"):
+    with pytest.raises(
+        RecordingError, match="thrust_N is in the recording and given by 'thrust_N'"
+    ):
         mapped(tmp_path, '[columns]\nthrust_N = { formula = "rpm" }', table)
 
 

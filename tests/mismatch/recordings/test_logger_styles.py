@@ -28,7 +28,9 @@ def bench(rov: Ship) -> pd.DataFrame:
     table = pd.DataFrame({"time_s": time, "motor_voltage_V": volts})
     zero = dict.fromkeys(("shaft_speed_rad_s", "thrust_N", "shaft_torque_N_m"), 0.0)
     logged = simulate_recording(rov, table.assign(**zero))
-    return table.assign(**{c: logged[c] for c in ("shaft_speed_rad_s", "thrust_N", "shaft_torque_N_m")})
+    return table.assign(
+        **{c: logged[c] for c in ("shaft_speed_rad_s", "thrust_N", "shaft_torque_N_m")}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +58,9 @@ def drafted(table: pd.DataFrame, ship: Ship | str, folder: Path) -> tuple[pd.Dat
 def close(found: pd.DataFrame, expected: pd.DataFrame, columns: tuple[str, ...]) -> None:
     for column in columns:
         size = float(expected[column].abs().max())
-        np.testing.assert_allclose(found[column], expected[column], atol=1e-3 * size, err_msg=column)
+        np.testing.assert_allclose(
+            found[column], expected[column], atol=1e-3 * size, err_msg=column
+        )
 
 
 def test_rcbenchmark(bench: pd.DataFrame, rov: Ship, tmp_path: Path) -> None:

@@ -36,9 +36,7 @@ def test_each_part_is_a_recording_of_its_own(frigate: Ship, calm: pd.DataFrame) 
     table = with_gaps(calm)
     one, other = load_parts(table, frigate)
     assert (len(one), len(other)) == (600, 1094)
-    np.testing.assert_allclose(
-        other["shaft_speed_rad_s"], calm["shaft_speed_rad_s"].iloc[606:1700]
-    )
+    np.testing.assert_allclose(other["shaft_speed_rad_s"], calm["shaft_speed_rad_s"].iloc[606:1700])
     assert other.source.name == "table part 2 (from row 607)"
     assert one.warnings[0] == (
         "the recording was cut at 2 gaps (100.1 s before row 601, 2.1 s before row 607) into 2 parts, "
@@ -68,4 +66,6 @@ def test_a_survey_says_where_it_is_cut(frigate: Ship, calm: pd.DataFrame, tmp_pa
     found = survey(tmp_path / "a.csv", frigate)
     assert found.recording is not None
     assert len(found.recording) == 1694
-    assert any(said.startswith("note: the recording was cut at 2 gaps") for said in found.sentences())
+    assert any(
+        said.startswith("note: the recording was cut at 2 gaps") for said in found.sentences()
+    )

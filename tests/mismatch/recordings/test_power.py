@@ -15,9 +15,7 @@ from shaftline.plant import RecordingError, Ship, load_ship, simulate_recording
 
 from ...plant.test_fluid import fan
 
-RIG = fan(
-    prime_mover={"type": "speed-command", "speed_max_rad_s": 1300.0, "drive_efficiency": 0.8}
-)
+RIG = fan(prime_mover={"type": "speed-command", "speed_max_rad_s": 1300.0, "drive_efficiency": 0.8})
 TIME = 0.1 * np.arange(600)
 
 
@@ -43,7 +41,9 @@ def test_speeds_of_a_small_fast_rig_are_not_taken_for_revolutions_per_minute() -
 def test_revolutions_per_minute_of_that_rig_are_refused_by_its_own_top_speed() -> None:
     table = fast()
     table["shaft_speed_rad_s"] *= 30.0 / np.pi
-    with pytest.raises(RecordingError, match=r"looks like rpm.*takes -1\.3e\+03 to 1\.3e\+03 rad/s"):
+    with pytest.raises(
+        RecordingError, match=r"looks like rpm.*takes -1\.3e\+03 to 1\.3e\+03 rad/s"
+    ):
         load_recording(table, RIG)
 
 

@@ -58,7 +58,9 @@ def test_generator(tmp_path: Path) -> None:
     there = folder("dc_motor_generator")
     found, lines = drafted(there / "data.csv", load_ship(there / "ship.toml"), tmp_path)
     assert "if it counts rows, add scale = seconds from row to row" in lines
-    assert '"speed_raw" = { column = "shaft_speed_rad_s", unit = "rpm" }  # unit not stated' in lines
+    assert (
+        '"speed_raw" = { column = "shaft_speed_rad_s", unit = "rpm" }  # unit not stated' in lines
+    )
     assert any(said.startswith("shaft_speed_rad_s lags the simulation") for said in found.remarks)
 
 

@@ -126,7 +126,9 @@ def test_chance_is_no_lag() -> None:
         other = np.cumsum(rng.standard_normal(1000))
         lag = lag_of(walk, other)
         assert lag is None or not lag.is_significant
-        noisy = lag_of(walk + 2.0 * rng.standard_normal(1000), walk + 2.0 * rng.standard_normal(1000))
+        noisy = lag_of(
+            walk + 2.0 * rng.standard_normal(1000), walk + 2.0 * rng.standard_normal(1000)
+        )
         assert noisy is None or not noisy.is_significant
 
 
@@ -165,9 +167,13 @@ def test_a_machine_that_sticks_is_no_dead_sensor(
 ) -> None:
     ship, free, stuck = drive
     (found,) = standing(stuck, ship, NOISY, free)
-    assert "does not change for 81 rows (0.81 s) from row 301 and goes on from where it stood" in found
+    assert (
+        "does not change for 81 rows (0.81 s) from row 301 and goes on from where it stood" in found
+    )
     low, high = (stuck["motor_voltage_V"][300:381].agg(f) for f in ("min", "max"))
-    assert f"motor_voltage_V lies between {low:.4g} and {high:.4g} V: the machine may stick" in found
+    assert (
+        f"motor_voltage_V lies between {low:.4g} and {high:.4g} V: the machine may stick" in found
+    )
     dead = free.copy()
     dead.loc[300:380, "shaft_angle_rad"] = free.loc[300, "shaft_angle_rad"]
     (found,) = standing(dead, ship, NOISY, free)

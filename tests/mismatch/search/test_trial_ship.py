@@ -208,8 +208,13 @@ def test_scales_have_no_sign_and_are_never_zero(toy: Any) -> None:
         | {"shaft_speed": -SPEED, "motor_current": np.array([-3.0, 2.0]), "propeller_torque": 0.0},
         plant=toy.plant,
         replay=SimpleNamespace(
-            drive_rows=-toy.drive_rows, outside={}, recorded={}, runs=toy.runs, interval_s=2.0,
-            every=4, ship=toy.ship,
+            drive_rows=-toy.drive_rows,
+            outside={},
+            recorded={},
+            runs=toy.runs,
+            interval_s=2.0,
+            every=4,
+            ship=toy.ship,
         ),
     )
     found, ahead = scales(astern), scales(toy)
@@ -256,7 +261,9 @@ def rms_of(values: Any) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def test_a_plausible_range_counts_in_the_scale_that_it_names(trial_ship: TrialShip, toy: Any) -> None:
+def test_a_plausible_range_counts_in_the_scale_that_it_names(
+    trial_ship: TrialShip, toy: Any
+) -> None:
     most = 3e4 * float(toy.plant["gear_ratio"])  # the engine's, at the shaft
     friction = entry("coulomb-friction (engine)").parameters[0]
     assert trial_ship.plausible_range(friction) == pytest.approx((0.0, most))

@@ -56,7 +56,9 @@ def test_a_torque_gauge_comes_before_a_power() -> None:
         ("propeller", "N m"), ("electric-power", "W"),
     ]  # fmt: skip
     electric = found.residuals(found.replay.measured)[1]
-    assert np.median(electric) == pytest.approx(4.0, abs=0.05)  # of 7 W, 3 W are the nominal idle power
+    assert np.median(electric) == pytest.approx(
+        4.0, abs=0.05
+    )  # of 7 W, 3 W are the nominal idle power
 
 
 def test_a_free_shaft_has_two_balances_by_its_power() -> None:

@@ -16,7 +16,9 @@ from shaftline.mismatch.structure.model import Model
 BEFORE = np.array([10.0])
 
 
-def _ranked(labels: str, held: float | tuple[float, ...], merit: float = 0.0, place: int = 0) -> Ranked:
+def _ranked(
+    labels: str, held: float | tuple[float, ...], merit: float = 0.0, place: int = 0
+) -> Ranked:
     """Return a model whose effects are letters, of one value each; a capital is a form of two."""
     model = SimpleNamespace(
         labels=frozenset(labels),

@@ -28,7 +28,9 @@ OPTIONS = Options(exclude=OTHERS)
 def found() -> Diagnosis:
     """Dry friction that the file lacks, and an inertia that is wrong by a quarter."""
     truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
-    return diagnose(motor(), run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=OPTIONS)
+    return diagnose(
+        motor(), run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=OPTIONS
+    )
 
 
 def test_friction_is_identified_and_the_inertia_estimated(found: Diagnosis) -> None:
@@ -46,9 +48,7 @@ def test_friction_is_identified_and_the_inertia_estimated(found: Diagnosis) -> N
 
 def test_a_parameter_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagnosis) -> None:
     assert found.verdict == "partly-explained"
-    assert any(
-        "the value or its tolerance in the file is wrong" in w for w in found.warnings
-    )
+    assert any("the value or its tolerance in the file is wrong" in w for w in found.warnings)
     wide = motor().with_values({"tolerances.inertia": 0.3})
     truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
     sure = diagnose(wide, run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=OPTIONS)
@@ -88,7 +88,9 @@ def test_a_recording_too_dull_to_decide_is_not_healthy() -> None:
     assert found.sentence.startswith("Cannot be decided, because ")
 
 
-def test_no_more_is_reported_than_was_asked_for_and_no_parameter_moves_without_a_tolerance() -> None:
+def test_no_more_is_reported_than_was_asked_for_and_no_parameter_moves_without_a_tolerance() -> (
+    None
+):
     truth = {COULOMB: 0.03, "prime_mover.open_circuit_fraction": 1.0}
     options = Options(exclude=OTHERS, most_effects=1, tolerance=0.0)
     found = diagnose(motor(), run(truth, 1), hold_out=[run(truth, 2)], options=options)
@@ -102,7 +104,9 @@ def test_the_second_search_mends_what_a_biased_inertia_has_made_of_friction() ->
     truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
     sizes = []
     for options in (replace(OPTIONS, quick=True), OPTIONS):
-        found = diagnose(wide, run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=options)
+        found = diagnose(
+            wide, run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=options
+        )
         (finding,) = found.findings
         sizes.append(finding.estimates[0].value)
     assert sizes[0] < 0.022
