@@ -42,7 +42,6 @@ ON_THE_THRUSTER: list[tuple[str, tuple[float, ...]]] = [
 
 ON_THE_SERVO: list[tuple[str, tuple[float, ...]]] = [
     ("torque-ripple (motor)", (12.0, -9.0)),
-    ("torque-ripple (motor, several-per-turn)", (10.0, 6.0, 4.0)),
     ("spring (motor)", (25.0, 0.6)),
 ]
 
