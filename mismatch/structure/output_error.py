@@ -96,7 +96,7 @@ class OutputError:
         self.measured = np.array([self.replay.recorded[c] for c in self.names])
         self._largest = DIVERGED * np.abs(self.measured).max(axis=1) + 1.0
         floor = np.array([LEAST_NOISE * self.replay.noise_rms[c] for c in self.names])
-        floor += 1e-9 * np.abs(self.measured).max(axis=1) + 1e-300
+        floor += 1e-9 * np.abs(self.measured).max(axis=1) + 1e-30
         fitted_lengths, held_lengths = ([b - a for a, b in s] for s in (fitted, held))
         self.likelihood = Likelihood(
             floor, fitted_lengths, held_lengths, self.replay.interval_s, highest_Hz
