@@ -40,11 +40,6 @@ ON_THE_THRUSTER: list[tuple[str, tuple[float, ...]]] = [
     ("torque-sensor-lag (sensor)", (0.25,)),
 ]
 
-ON_THE_SERVO: list[tuple[str, tuple[float, ...]]] = [
-    ("torque-ripple (motor)", (12.0, -9.0)),
-    ("spring (motor)", (25.0, 0.6)),
-]
-
 ON_A_HELD_SHAFT: list[tuple[str, tuple[float, ...]]] = [
     ("astern-thrust (propeller, on-a-rig)", (0.7,)),
 ]
@@ -90,16 +85,6 @@ def thruster_run(ship: Ship) -> pd.DataFrame:
         {"time_s": 0.02 * np.arange(rows), "motor_voltage_V": steps(rows, top, 50, 1)}
     )
     return recorded(ship, table.assign(**dict.fromkeys(NOISE, 0.0)), NOISE)
-
-
-def servo_run(ship: Ship) -> pd.DataFrame:
-    """30 s of a servo whose encoder gives the angle."""
-    rows = 1500
-    torque = steps(rows, 150.0, 75, 2)
-    table = pd.DataFrame(
-        {"time_s": 0.02 * np.arange(rows), "motor_torque_N_m": torque, "shaft_angle_rad": 0.0}
-    )
-    return recorded(ship, table, {"shaft_angle_rad": 1e-3})
 
 
 @functools.cache
@@ -170,8 +155,6 @@ def test_effects_of_an_angle_or_a_sensor_ask_for_its_column(servo: Ship) -> None
     def ids(ship: Ship, *columns: str) -> set[str]:
         return {e.id for e in applicable(ship, columns)}
 
-    assert {"torque-ripple", "spring"} <= ids(servo, "shaft_angle_rad")
-    assert not {"torque-ripple", "spring"} & ids(servo, "shaft_speed_rad_s")
     thrust = {"thrust-loss", "astern-thrust", "thrust-sensor-gain", "thrust-sensor-lag"}
     assert thrust <= ids(thruster(), "thrust_N")
     assert not thrust & ids(thruster(), "motor_current_A")
@@ -204,15 +187,6 @@ c = { unit = "N m s/rad", probes = [1.0], plausible = [2.0, 1.0] }
         entries_of(text)
     (own,) = entries_of(text.replace("[2.0, 1.0]", "[0.0, 0.5], plausible_of = 'torque'"))
     assert (own.parameters[0].plausible, own.parameters[0].plausible_of) == ((0.0, 0.5), "torque")
-
-
-@pytest.mark.parametrize(("label", "values"), ON_THE_SERVO, ids=[e for e, _ in ON_THE_SERVO])
-def test_a_torque_that_depends_on_the_angle_is_identified(
-    servo: Ship, label: str, values: tuple[float, ...]
-) -> None:
-    quick = servo.with_values({"integration.time_step_s": 0.01})
-    ship = true_ship(quick, servo_run(quick), label, values)
-    check(diagnose(quick, servo_run(ship)), label, values)
 
 
 @pytest.mark.parametrize(("label", "values"), ON_A_HELD_SHAFT, ids=[e for e, _ in ON_A_HELD_SHAFT])
