@@ -210,8 +210,6 @@ def test_a_drive_without_a_propeller_is_offered_nothing_of_one(servo: Ship) -> N
         "coulomb-friction (motor, stribeck)",
         "torque-offset (motor)",
         "load-friction (motor)",
-        "command-delay (motor)",
-        "command-lag (motor)",
         "torque-sensor-lag (sensor)",
     }
     assert not any("propeller" in said for e in found.values() for said in (e.lacks, e.equation))
