@@ -55,6 +55,12 @@ class Setting:
         return self.fitter.balances
 
     @property
+    def segments(self) -> Segments:
+        """Return the rows that are fitted, as segments."""
+        bands = self.fitter.bands
+        return list(zip(bands.starts, bands.ends, strict=True))
+
+    @property
     def line(self) -> bool:
         """Whether demands are straight lines between rows instead of held."""
         return self.balances.replay.line
@@ -85,7 +91,7 @@ class Settings:
         self._gain, self._settled, self._tolerance = 0.0, False, tolerance
         if 0.5 * replay.interval_s * highest > ALIKE:
             drawn = Balances(JointReplay(ship, *together.tables, line=True, every=every))
-            bands = bands_of(drawn, _segments(first), highest)
+            bands = bands_of(drawn, first.segments, highest)
             whiteness = _whiteness(Fitter(drawn, bands, tolerance))
             self.tried.append(Setting(whiteness, first.held))
             # held ones, which a controller's are, unless it is clear
@@ -163,8 +169,3 @@ def _parted(
 def _whiteness(fitter: Fitter) -> Whiteness:
     replay = fitter.balances.replay
     return Whiteness(fitter, replay.noise_rms, replay.quantisation)
-
-
-def _segments(setting: Setting) -> Segments:
-    bands = setting.fitter.bands
-    return list(zip(bands.starts, bands.ends, strict=True))

@@ -26,6 +26,9 @@ CARRIED = 0.5
 WORSE = 0.05
 """Points of FitPercent that no channel may lose to the numbers that the corrected ship carries."""
 
+FAR_TOLERANCES = 3.0
+"""Tolerances beyond which a parameter is far from the ship file."""
+
 FAR = 0.02
 """Share of a number by which it may move before the simulation is made straight anew about it."""
 

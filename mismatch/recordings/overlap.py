@@ -49,12 +49,11 @@ def refuse_shared(one: Recording, other: Recording, why: str) -> None:
     if not columns:
         return
     first, length = _repeated(_rows(one, columns), _rows(other, columns))
+    if length < LEAST_REPEATED:
+        return
     # a command that is alike while nothing moves is no copy: two runs from rest begin alike
     measured = other.table[[c for c in columns if c in MEASURED]].to_numpy(dtype=np.float64)
-    moves = (
-        bool(np.any(np.ptp(measured[first : first + length], axis=0) > 0.0)) if length else False
-    )
-    if length >= LEAST_REPEATED and moves:
+    if np.any(np.ptp(measured[first : first + length], axis=0) > 0.0):
         raise RecordingError(
             f"{other.source}: rows {first + 1} to {first + length} stand in {one.source} as well; {why}"
         )

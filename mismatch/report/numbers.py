@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..numbers.moved import MovedNumber
+from ..numbers.moved import FAR_TOLERANCES, MovedNumber
 from ..numbers.wrong import WrongNumber
 from ..outcome import Outcome
 from .wording import breakable, number, superscript
@@ -54,10 +54,6 @@ def wrong_words(wrong: WrongNumber) -> str:
     return f"A wrong {wrong.key} would explain it as well ({value}; the file has {file})."
 
 
-FAR = 3.0
-"""Tolerances beyond which a parameter is biased in the ship file."""
-
-
 def numbers_that_explain(diagnosis: Outcome) -> str:
     """Free numbers that were put right, in words; empty where none was."""
     return _changes([n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file])
@@ -65,7 +61,9 @@ def numbers_that_explain(diagnosis: Outcome) -> str:
 
 def biased_parameters(diagnosis: Outcome) -> str:
     """Return the corrected parameters beyond three tolerances in words; empty where there are none."""
-    return _changes([n for n in diagnosis.numbers if abs(n.shifts) > FAR and n.corrected != n.file])
+    return _changes(
+        [n for n in diagnosis.numbers if abs(n.shifts) > FAR_TOLERANCES and n.corrected != n.file]
+    )
 
 
 def _changes(numbers: list[MovedNumber]) -> str:

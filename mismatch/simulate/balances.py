@@ -260,9 +260,8 @@ class Balances:
                 found.append(channels["thrust_N"] - acting["thrust"])
             elif name == "electric-power":
                 taken = acting["electric"]
-                if (
-                    not replay.ship.turns_freely
-                ):  # the torque is measured, whatever the propeller does
+                # where the speed is held the torque is measured, whatever the propeller does
+                if not replay.ship.turns_freely:
                     taken = _supplied(self.plant, (gauge + left * acceleration) * omega)
                 found.append(channels[ELECTRIC_POWER] - taken)
             elif name == "shaft-power":

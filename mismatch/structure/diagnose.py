@@ -100,16 +100,14 @@ def diagnose_structure(
     replay = coarser(setting.balances.replay, MOST_ROWS)
     if why := left_out(first.ship, replay):
         return _with_remark(first, f"effects and parameters were not estimated together: {why}")
-    bands = setting.fitter.bands
-    segments = list(zip(bands.starts, bands.ends, strict=True))
-    problem = OutputError(Balances(replay), segments, setting.held, tolerance, bands.highest_Hz)
+    fitted, held_out, highest = setting.segments, setting.held, setting.fitter.bands.highest_Hz
+    problem = OutputError(Balances(replay), fitted, held_out, tolerance, highest)
     residual = min(
-        (_held_residual(ship, replay, segments, setting.held) for ship in _corrected(first)),
+        (held_residual(ship, replay, fitted, held_out) for ship in _corrected(first)),
         key=lambda one: float(np.sum(np.log(problem.likelihood.rms(one)))),
     )
     before = problem.likelihood.rms(residual)
-    noise = np.array([replay.noise_rms[c] for c in problem.names])
-    if np.all(before <= OF_NOISE * noise):
+    if within_noise(problem, before):
         return first
     search = StructureSearch(problem, effects, tick, most, _effects_of(first))
     if min(total(problem.held_error(quick), before) for quick in search.quick_pass()) > CLOSER:
@@ -151,12 +149,18 @@ def _corrected(first: Diagnosis) -> list[Ship]:
     return [first.corrected, first.ship.with_term(first.formula.term)]
 
 
-def _held_residual(ship: Ship, replay: JointReplay, segments: Segments, held: Segments) -> Floats:
+def held_residual(ship: Ship, replay: JointReplay, fitted: Segments, held: Segments) -> Floats:
     """Return measured minus simulated channels of a ship on the held-out rows."""
     tables = [run.table for run in replay.runs]
     own = JointReplay(ship, *tables, line=replay.line, every=replay.every)
-    problem = OutputError(Balances(own), segments, held, 0.0)
+    problem = OutputError(Balances(own), fitted, held, 0.0)
     return problem.held_residual(problem.file_model())
+
+
+def within_noise(problem: OutputError, error: Floats) -> bool:
+    """Return whether the rms error of every channel is within :data:`OF_NOISE` of its noise."""
+    noise = np.array([problem.replay.noise_rms[c] for c in problem.names])
+    return bool(np.all(error <= OF_NOISE * noise))
 
 
 def _doubted(first: Diagnosis) -> Diagnosis:
@@ -202,9 +206,8 @@ def _diagnosed(
     problem, model, replay = search.problem, best.model, setting.balances.replay
     ship = _with_parameters(first.ship, problem, model)
     balances = Balances(JointReplay(ship, *together.tables, line=replay.line, every=replay.every))
-    bands = setting.fitter.bands
-    segments = list(zip(bands.starts, bands.ends, strict=True))
-    fitter = Fitter(balances, bands_of(balances, segments, bands.highest_Hz), problem.tolerance)
+    bands = bands_of(balances, setting.segments, setting.fitter.bands.highest_Hz)
+    fitter = Fitter(balances, bands, problem.tolerance)
     fit = fitter.fitted(model.effects)
     whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
     verdict = _verdict(best, problem, whiteness, fit)
@@ -263,8 +266,7 @@ def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
 
 def _verdict(best: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit) -> str:
     """Return the verdict on a chosen model."""
-    noise = np.array([problem.replay.noise_rms[c] for c in problem.names])
-    quiet = bool(np.all(best.held <= OF_NOISE * np.maximum(noise, 1e-300)))
+    quiet = within_noise(problem, best.held)
     white = whiteness.colour(fit) is None
     if not best.model.effects:
         return NOTHING if quiet or white else UNEXPLAINED

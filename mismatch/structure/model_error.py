@@ -13,10 +13,9 @@ from ..numbers.found import Found
 from ..progress import Tick
 from ..search.effect import Effect
 from ..simulate.balances import Balances
-from ..simulate.joint_replay import JointReplay
 from .choice import total
 from .coarser import coarser
-from .diagnose import CLOSER, MOST_ROWS, OF_NOISE, left_out
+from .diagnose import CLOSER, MOST_ROWS, held_residual, left_out, within_noise
 from .model import Model
 from .output_error import OutputError
 from .priors import guessed_prior
@@ -53,14 +52,10 @@ def with_model_error(
     replay = coarser(balances.replay, MOST_ROWS)
     if not held or left_out(replay.ship, replay):
         return found
-    tables = [run.table for run in replay.runs]
-    rival = JointReplay(identified, *tables, line=replay.line, every=replay.every)
-    own = OutputError(Balances(rival), fitted, held, 0.0)
-    before = own.held_error(own.file_model())
-    noise = np.array([replay.noise_rms[c] for c in own.names])
-    if np.all(before <= OF_NOISE * noise):
-        return found
     problem = OutputError(Balances(replay), fitted, held)
+    before = problem.likelihood.rms(held_residual(identified, replay, fitted, held))
+    if within_noise(problem, before):
+        return found
     known = {prior.key: prior for prior in problem.priors} | {
         key: guessed_prior(replay.ship.number(key))
         for key in found.keys

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from ..numbers.moved import FAR_TOLERANCES
 from ..search.placed import Placed
 from ..search.trial_ship import TrialShip
 from ..simulate.at_once import at_once
@@ -39,9 +40,6 @@ SKEW_ROWS = 0.29
 START_PRECISION = 0.01
 """Precision of a first state's shift in the deviations of :data:`START`: ten of them, because a lagging
 instrument does not measure the state."""
-
-FAR_TOLERANCES = 3.0
-"""Tolerances beyond which a parameter has moved far from the ship file."""
 
 MOST_STEPS, SETTLED = 14, 0.02
 """Gauss-Newton steps of a fit, at most; and the gain in 2 log L of a step below which it ends."""
