@@ -175,7 +175,7 @@ def test_a_lost_reading_is_the_last_good_one_and_at_first_that_of_a_slow_ship(
     assert first["reading"][0].tolist() == pytest.approx(slow)
     _, second = controller.predict(CRUISE, first)
     assert second["reading"][0].tolist() == CRUISE
-    bounds = np.array([40.0, 1e3, 1e8, 2.6, 200.0, 40.0, 40.0, 1.0])  # of the signal registry
+    bounds = np.array([40.0, 1e4, 1e8, 2.6, 200.0, 40.0, 40.0, 1.0])  # of the signal registry
     for sign in (1.0, -1.0):
         _, inside = controller.predict(sign * bounds, second)
         assert inside["reading"][0].tolist() == (sign * bounds).tolist()
