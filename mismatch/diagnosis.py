@@ -8,7 +8,7 @@ from typing import Any
 from .outcome import Outcome
 from .report.data import as_dict
 from .report.files import write_result
-from .report.sentences import sentence
+from .report.sentences import headline, sentence
 from .report.text import summary
 
 SHIP = "corrected_ship.toml"
@@ -22,8 +22,13 @@ class Diagnosis(Outcome):
     """
 
     @property
+    def headline(self) -> str:
+        """The answer in at most 15 words."""
+        return headline(self)
+
+    @property
     def sentence(self) -> str:
-        """The answer in one sentence."""
+        """The answer with sizes and intervals, a sentence for each finding."""
         return sentence(self)
 
     def summary(self) -> str:

@@ -10,7 +10,7 @@ from ..outcome import Outcome
 from ..simulate.balances import PART_OF
 from .formulas import formula_as_dict
 from .numbers import numbers_as_dict, wrong_as_dict, wrong_of
-from .sentences import finding_sentence, sentence
+from .sentences import finding_sentence, headline, sentence
 
 
 def _location(diagnosis: Outcome) -> dict[str, Any]:
@@ -104,6 +104,7 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
         )
     report: dict[str, Any] = {
         "verdict": diagnosis.verdict,
+        "headline": headline(diagnosis),
         "sentence": sentence(diagnosis),
         "ship": diagnosis.ship.name,
         "recording": {

@@ -13,7 +13,7 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from ...plant.ship import Ship
-from ..judge.verdict import NOTHING, UNEXPLAINED
+from ..judge.verdict import NOTHING
 from ..outcome import Outcome
 from ..search.catalogue import catalogue, mistaken_for
 from ..search.placed import Placed
@@ -23,10 +23,11 @@ from .formulas import formula_for_page
 from .numbers import page_rows, wrong_of, wrong_words
 from .panels import equation
 from .remarks import remarks
-from .sentences import sentence
+from .sentences import VERDICT_WORDS, headline, sentence, status
 from .text import CONSTANT
 from .wording import (
     breakable,
+    capital,
     channel_name,
     effect_words,
     measure,
@@ -37,18 +38,9 @@ from .wording import (
     spans,
 )
 
-_WORDS = {
-    "explained": "explained",
-    "partly-explained": "partly explained",
-    "nothing-missing": "nothing missing",
-    "unexplained": "unexplained",
-    "undecided": "cannot be decided",
-}
-
 
 def report_html(diagnosis: Outcome) -> str:
     """The page, self-contained: styles, equations and figures stand in it."""
-    status = _status(diagnosis)
     drawn = {
         "traces": figures.traces(diagnosis),
         "residuals": figures.residuals(diagnosis),
@@ -59,8 +51,9 @@ def report_html(diagnosis: Outcome) -> str:
     }
     return template("report.html.j2").render(
         d=diagnosis,
-        status=status,
-        verdict=_WORDS[status],
+        status=status(diagnosis),
+        verdict=VERDICT_WORDS[status(diagnosis)],
+        headline=headline(diagnosis),
         sentence=sentence(diagnosis),
         changed=figures.changed(diagnosis),
         facts=_facts(diagnosis),
@@ -99,12 +92,6 @@ def _text(name: str) -> str:
     return importlib.resources.files("shaftline.mismatch.report").joinpath(name).read_text("utf-8")
 
 
-def _status(diagnosis: Outcome) -> str:
-    """The verdict, or ``undecided`` where the recording's limits stand in its way."""
-    undecided = diagnosis.limits and (diagnosis.undecidable or not diagnosis.excited)
-    return "undecided" if undecided and diagnosis.verdict == UNEXPLAINED else diagnosis.verdict
-
-
 def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
     """Each balance for itself, as a row."""
     rows = []
@@ -113,7 +100,7 @@ def _balances(diagnosis: Outcome) -> list[dict[str, str]]:
         rows.append(
             {
                 "name": balance.name,
-                "verdict": _WORDS[balance.verdict],
+                "verdict": VERDICT_WORDS[balance.verdict],
                 "share": "–" if left is None and balance.verdict == NOTHING
                 else f"{100.0 * max(balance.explained, 0.0):.0f} %",
                 "left": "noise" if left is None
@@ -145,7 +132,7 @@ def _finding(diagnosis: Outcome, place: int) -> dict[str, Any]:
     rivals = [_rival(c.placed, ship) for c in finding.rivals]
     wrong = wrong_of(diagnosis, place)
     return {
-        "name": effect_words(effect),
+        "name": capital(effect_words(effect)),
         "effect": effect,
         "mistaken_for": mistaken_for(effect, ship),
         "place": place + 1,
@@ -239,7 +226,7 @@ def _shape(diagnosis: Outcome) -> dict[str, Any] | None:
 def _detectable(diagnosis: Outcome) -> list[dict[str, str]]:
     return [
         {
-            "effect": effect_words(item.effect),
+            "effect": capital(effect_words(item.effect)),
             "balance": item.effect.balance,
             "parameter": parameter_words(item.effect.parameters[0].name, item.unit),
             "size": measure(item.value, item.unit),

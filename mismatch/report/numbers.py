@@ -8,7 +8,7 @@ from typing import Any
 from ..numbers.moved import FAR_TOLERANCES, MovedNumber
 from ..numbers.wrong import WrongNumber
 from ..outcome import Outcome
-from .wording import breakable, number, superscript
+from .wording import breakable, number, parameter_words, superscript
 
 _SOURCES = {"calibrated": "told by the healthy period", "free": "free"}
 
@@ -57,6 +57,13 @@ def wrong_words(wrong: WrongNumber) -> str:
 def numbers_that_explain(diagnosis: Outcome) -> str:
     """Free numbers that were put right, in words; empty where none was."""
     return _changes([n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file])
+
+
+def numbers_changed(diagnosis: Outcome) -> list[str]:
+    """Return the keys of the parameters that alone were corrected, in words; empty where none was."""
+    changed = [n for n in diagnosis.numbers if n.corrected != n.file]
+    told = [n for n in changed if n.source == "free" or abs(n.shifts) > FAR_TOLERANCES]
+    return [parameter_words(n.key.rpartition(".")[2], n.unit) for n in told]
 
 
 def biased_parameters(diagnosis: Outcome) -> str:

@@ -1,4 +1,4 @@
-"""A diagnosis as sentences: the line on top of the report, and one for each finding."""
+"""A diagnosis as sentences: the headline of the report, the answer, and one for each finding."""
 
 from __future__ import annotations
 
@@ -7,14 +7,61 @@ import math
 import numpy as np
 
 from ..judge.findings import Finding
-from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, BalanceVerdict
+from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, BalanceVerdict
 from ..outcome import Outcome
 from .formulas import formula_sentence
-from .numbers import biased_parameters, numbers_that_explain
-from .wording import measure, parameter_words
+from .numbers import biased_parameters, numbers_changed, numbers_that_explain
+from .wording import effect_words, listed, measure, parameter_words
 
 NEUTRAL = (0.0, 1.0)
 """Values at which an effect is absent that a reader knows without the ship file."""
+
+MOST_WORDS = 15
+"""Words of a headline, at most."""
+
+VERDICT_WORDS = {
+    EXPLAINED: "explained",
+    PARTLY: "partly explained",
+    NOTHING: "nothing missing",
+    UNEXPLAINED: "unexplained",
+    "undecided": "cannot be decided",
+}
+"""A verdict, or that there is none, in words."""
+
+
+def status(diagnosis: Outcome) -> str:
+    """Return the verdict, or ``undecided`` where the recording's limits do not allow one."""
+    undecided = diagnosis.limits and (diagnosis.undecidable or not diagnosis.excited)
+    return "undecided" if undecided and diagnosis.verdict == UNEXPLAINED else diagnosis.verdict
+
+
+def headline(diagnosis: Outcome) -> str:
+    """Return the answer in at most :data:`MOST_WORDS` words; sizes stand in the table of findings."""
+    verdict = VERDICT_WORDS[status(diagnosis)].capitalize()
+    if diagnosis.verdict in (EXPLAINED, PARTLY):
+        names = dict.fromkeys(effect_words(f.effect) for f in diagnosis.findings)
+        return _shortened(f"{verdict} by", list(names))
+    if wrong := numbers_changed(diagnosis):
+        return _shortened(f"{verdict}: the ship file is wrong in", wrong)
+    if diagnosis.verdict == NOTHING:
+        return f"{verdict}: the difference is within noise and the tolerances of the ship file."
+    if status(diagnosis) != UNEXPLAINED:
+        return f"{verdict}: the recording is too short or excites too little."
+    if diagnosis.formula is not None:
+        return f"{verdict}: no effect of the catalogue fits; a formula describes what is missing."
+    if diagnosis.shape is not None:
+        return f"{verdict}: the {diagnosis.shape.balance} balance lacks something without a name."
+    return f"{verdict}: no effect of the catalogue fits."
+
+
+def _shortened(begin: str, names: list[str]) -> str:
+    """Return a headline with as many names as it has words for."""
+    for count in range(len(names), 0, -1):
+        more = len(names) - count
+        line = f"{begin} {listed([*names[:count], *([f'{more} more'] if more else [])])}."
+        if len(line.split()) <= MOST_WORDS:
+            return line
+    return f"{begin} {len(names)} of them."
 
 
 def between(windows: list[tuple[float, float]]) -> str:

@@ -8,7 +8,7 @@ from ..judge.verdict import NOTHING
 from ..outcome import Outcome
 from .formulas import formula_lines
 from .numbers import table_rows, wrong_of, wrong_words
-from .sentences import sentence
+from .sentences import headline, sentence
 
 CONSTANT = "constant: no FitPercent"
 
@@ -34,12 +34,13 @@ def aligned(rows: Sequence[Mapping[str, str]], right: Sequence[str] = ()) -> str
 
 def summary(diagnosis: Outcome) -> str:
     """The answer, the findings with their intervals, and the fit on what was set aside."""
-    parts = [f"{diagnosis.verdict}: {sentence(diagnosis)}"]
+    parts = [headline(diagnosis)]
     if diagnosis.findings:
         numbers = ("value", "95 % from", "to", "evidence", "threshold")
         parts.append(
             "What is missing (evidence in 2 log L)\n" + aligned(_findings(diagnosis), numbers)
         )
+    parts.append("In words\n" + sentence(diagnosis))
     wrong = [
         f"{finding.effect.label}: {wrong_words(number)}"
         for place, finding in enumerate(diagnosis.findings)

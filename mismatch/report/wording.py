@@ -73,9 +73,18 @@ def parameter_words(name: str, unit: str) -> str:
 
 
 def effect_words(effect: Effect) -> str:
-    """An effect's name for people."""
-    words = effect.id.replace("-", " ")
+    """An effect's name for people, as it stands in a sentence."""
+    return effect.id.replace("-", " ").replace("coulomb", "Coulomb").replace("stribeck", "Stribeck")
+
+
+def capital(words: str) -> str:
+    """Return words with a capital letter in front."""
     return words[:1].upper() + words[1:]
+
+
+def listed(names: list[str]) -> str:
+    """Return names in a row: a, b and c."""
+    return " and ".join([part for part in (", ".join(names[:-1]), names[-1]) if part])
 
 
 def span(start: float, end: float) -> str:

@@ -26,7 +26,8 @@ def test_it_saves_what_it_says(verdict: str, tmp_path: Path) -> None:
     assert load_ship(tmp_path / "new" / SHIP) == diagnosis.corrected
     assert diagnosis.to_dict()["verdict"] == verdict
     assert diagnosis.to_dict()["sentence"] == diagnosis.sentence
-    assert diagnosis.summary().startswith(f"{verdict}: {diagnosis.sentence}\n")
+    assert diagnosis.summary().startswith(f"{diagnosis.headline}\n")
+    assert diagnosis.to_dict()["headline"] == diagnosis.headline
 
 
 def test_the_page_is_written_unless_it_is_not_wanted(tmp_path: Path) -> None:

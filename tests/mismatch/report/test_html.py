@@ -18,10 +18,10 @@ from shaftline.mismatch.report.html import (
     _facts,
     _fits,
     _shape,
-    _status,
     _untold,
     report_html,
 )
+from shaftline.mismatch.report.sentences import status
 from shaftline.mismatch.report.text import CONSTANT
 from shaftline.plant import load_ship
 
@@ -101,6 +101,7 @@ def test_every_verdict_gives_a_page_that_needs_nothing_else(
     used = {a[1:] for a in found.addresses} | set(re.findall(r"url\(#([^)]+)\)", page))
     assert used <= set(found.ids)
     assert diagnosis.sentence in unescape(page)
+    assert f"<h1>{diagnosis.headline}</h1>" in unescape(page)
     assert len(page) < 3_000_000
 
 
@@ -217,7 +218,7 @@ def test_fits_are_drawn_between_0_and_100(value: float, percent: str, width: str
 
 
 @pytest.mark.parametrize(
-    ("verdict", "changes", "status"),
+    ("verdict", "changes", "told"),
     [
         ("explained", {"limits": ["dull"], "excited": False}, "explained"),
         ("nothing-missing", {"limits": ["dull"]}, "nothing-missing"),
@@ -229,9 +230,9 @@ def test_fits_are_drawn_between_0_and_100(value: float, percent: str, width: str
     ],
 )
 def test_what_limits_the_recording_may_leave_it_undecided(
-    verdict: str, changes: dict[str, Any], status: str
+    verdict: str, changes: dict[str, Any], told: str
 ) -> None:
-    assert _status(diagnosis_of(verdict, **changes)) == status
+    assert status(diagnosis_of(verdict, **changes)) == told
 
 
 def test_a_shape_is_told_by_its_knots() -> None:

@@ -1,4 +1,4 @@
-"""The answer in one sentence."""
+"""The headline, and the answer in sentences."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Effect, Estimate, catalogue
-from shaftline.mismatch.report.sentences import between, finding_sentence, sentence
+from shaftline.mismatch.report.sentences import (
+    MOST_WORDS,
+    between,
+    finding_sentence,
+    headline,
+    sentence,
+)
 
 from ..diagnoses import diagnosis_of, entry
 
@@ -126,3 +132,30 @@ def test_a_shape_that_is_too_much_everywhere_is_said_to_be_too_much() -> None:
     assert "the engine balance has 0 N m to 12.0 kN m too much, depending on shaft" in sentence(
         much
     )
+
+
+def test_a_headline_names_as_many_effects_as_it_has_words_for() -> None:
+    found = diagnosis_of("explained")
+    partly = replace(found, verdict="partly-explained")
+    assert headline(partly) == "Partly explained by Coulomb friction."
+    names = ("viscous-friction (engine)", "torque-sensor-gain (sensor)", "hull-fouling (hull)")
+    several = [replace(found.findings[0], effect=entry(name)) for name in names]
+    three = replace(found, verdict="explained", findings=several)
+    assert headline(three) == "Explained by viscous friction, torque sensor gain and hull fouling."
+    many = [replace(found.findings[0], effect=effect) for effect in catalogue()]
+    line = headline(replace(found, findings=many))
+    assert len(line.split()) <= MOST_WORDS
+    assert line.endswith("more.")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "changes", "line"),
+    [
+        ("nothing-missing", {}, "Nothing missing: the difference is within noise"),
+        ("unexplained", {"limits": ["dull"], "excited": False}, "Cannot be decided: the recording"),
+    ],
+)
+def test_a_headline_without_effects(verdict: str, changes: dict[str, object], line: str) -> None:
+    said = headline(diagnosis_of(verdict, **changes))
+    assert said.startswith(line)
+    assert len(said.split()) <= MOST_WORDS

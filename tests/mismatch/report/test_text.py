@@ -34,13 +34,16 @@ def test_a_summary_has_answer_findings_fit_and_notes() -> None:
     text = summary(replace(found, findings=[finding]))
     assert text == "\n".join(
         [
-            f"explained: {found.sentence}",
+            "Explained by Coulomb friction.",
             "",
             "What is missing (evidence in 2 log L)",
             "effect            balance  parameter                         value  95 % from    to  unit"
             "  evidence  threshold  or equally",
             "coulomb-friction  engine   coulomb_friction_engine_side_N_m   8000       6950  9050  N m"
             "      347.0       10.5  viscous-friction (engine)",
+            "",
+            "In words",
+            found.sentence,
             "",
             "FitPercent, 100 is perfect",
             "channel            before  after",

@@ -8,6 +8,7 @@ import pytest
 
 from shaftline.mismatch.report.wording import (
     breakable,
+    capital,
     channel_name,
     effect_words,
     measure,
@@ -84,7 +85,8 @@ def test_channels_have_names_for_people() -> None:
     assert channel_name("motor_voltage_V") == ("motor voltage demand", "V")
     assert channel_name("fuel_rack_mm") == ("fuel rack demand", "mm")
     assert channel_name("extra") == ("extra", "")
-    assert effect_words(entry("hull-fouling (hull)")) == "Hull fouling"
+    assert capital(effect_words(entry("hull-fouling (hull)"))) == "Hull fouling"
+    assert effect_words(entry("coulomb-friction (engine)")) == "Coulomb friction"
     assert breakable("a_b.c<d") == "a_<wbr>b.<wbr>c&lt;d"
 
 
