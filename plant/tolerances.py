@@ -2,31 +2,45 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 from pydantic.fields import FieldInfo
 
 from .keys import Section
 
+GUESSED = 0.3
+"""Tolerance of a parameter that was guessed, as a share of it."""
 
-def _known_to(tolerance: float, description: str, *keys: str) -> Any:
-    """How well some numbers of a ship are known: one standard deviation; 0 is exactly."""
+
+def _known_to(tolerance: float, description: str, *keys: str, guessed: float = GUESSED) -> Any:
+    """How well some numbers of a ship are known: one standard deviation; 0 is exactly.
+
+    Args:
+        tolerance: where the file was made with care.
+        description: of the numbers.
+        keys: their dotted keys.
+        guessed: tolerance where the file's default is that they were guessed.
+    """
+    extra: dict[str, Any] = {"of": [*keys], "guessed": guessed}
     description = f"standard deviation of {description}"
-    return Field(
-        default=tolerance, ge=0, le=0.5, description=description, json_schema_extra={"of": [*keys]}
-    )
+    return Field(default=tolerance, ge=0, le=0.5, description=description, json_schema_extra=extra)
 
 
 class Tolerances(Section):
     """How far the nominal numbers may be off before a diagnosis calls it missing physics."""
 
+    default: Literal["measured", "guessed"] = Field(
+        default="measured",
+        description="what the tolerances that do not stand here are: those of a file made with care, or "
+        "those of a file whose parameters were guessed (0.3; wake fraction 0.1, torque offset 0.05)",
+    )
     resistance: float = _known_to(
         0.004, "the resistance, as a share of it", "hull.resistance_coefficient_N_s2_m2"
     )
     mass: float = _known_to(0.005, "the ship's mass, as a share of it", "hull.mass_kg")
     wake_fraction: float = _known_to(
-        0.0015, "the wake fraction w, added to it", "hull.wake_fraction"
+        0.0015, "the wake fraction w, added to it", "hull.wake_fraction", guessed=0.1
     )
     thrust_curve: float = _known_to(
         0.002, "the propeller's KT, as a share of it", "propeller.thrust_coefficient"
@@ -43,7 +57,10 @@ class Tolerances(Section):
         0.0015, "the diesel's b, as a share of it", "prime_mover.torque_per_rack_N_m_mm"
     )
     torque_offset: float = _known_to(
-        0.001, "the diesel's c, as a share of its highest torque", "prime_mover.torque_offset_N_m"
+        0.001,
+        "the diesel's c, as a share of its highest torque",
+        "prime_mover.torque_offset_N_m",
+        guessed=0.05,
     )
     motor_constant: float = _known_to(
         0.002, "the motor's K_e, as a share of it", "prime_mover.motor_constant_V_s_rad"
@@ -71,6 +88,18 @@ class Tolerances(Section):
         description="correlation of the errors of two of `numbers`, by the dotted key of one and then "
         "of the other; 0 where it does not stand",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _filled(cls, given: Any) -> Any:
+        """Return what stands in the file with the tolerances of a file that was guessed."""
+        if not isinstance(given, dict) or given.get("default") != "guessed":
+            return given
+        return {
+            name: _extra(info, "guessed")
+            for name, info in cls.model_fields.items()
+            if spoken_of(info)
+        } | given
 
     @model_validator(mode="after")
     def _known_together(self) -> Tolerances:
@@ -100,8 +129,13 @@ class Tolerances(Section):
 
 def spoken_of(info: FieldInfo) -> list[str]:
     """Dotted keys of the numbers of which a tolerance speaks."""
+    return list(_extra(info, "of") or [])
+
+
+def _extra(info: FieldInfo, name: str) -> Any:
+    """What a tolerance carries beside its value; None where it does not."""
     extra: Any = info.json_schema_extra
-    return list(extra["of"]) if extra else []
+    return extra.get(name) if extra else None
 
 
 TOLERATED = {key: name for name, info in Tolerances.model_fields.items() for key in spoken_of(info)}

@@ -68,16 +68,15 @@ class Coordinates:
                 steps[k] = STEP_RATIO if prior.ratio else STEP_NEAR * prior.near
         for run, (a, b) in enumerate(owner.replay.segments):
             fitted = bool(np.any((owner.rows >= a) & (owner.rows < b)))
-            own = slice(self._count + 3 * run, self._count + 3 * run + 3)
-            steps[own] = np.where(
-                (owner.starts[3 * run : 3 * run + 3] > 0.0) & fitted, STEP_NEAR, 0.0
-            )
+            own = np.arange(owner.states * run, owner.states * (run + 1))
+            free = (owner.starts[own] > 0.0) & fitted
+            steps[self._count + own] = np.where(free, STEP_NEAR, 0.0)
         steps[self.edge :] = STEP_SIZE
         self.steps = steps
 
     def run_of(self, k: int) -> int | None:
         """Return the recording whose first state a coordinate shifts; None for any other coordinate."""
-        return (k - self._count) // 3 if self._count <= k < self.clocks else None
+        return (k - self._count) // self._owner.states if self._count <= k < self.clocks else None
 
     def precision(self, point: Floats, guessed: bool) -> Floats:
         """Return the precision of each coordinate's prior; an effect's value has none."""

@@ -98,7 +98,7 @@ def diagnose_structure(
     if first.left_over is None:
         return first
     replay = coarser(setting.balances.replay, MOST_ROWS)
-    if why := left_out(first.ship, replay):
+    if why := left_out(replay):
         return _with_remark(first, f"effects and parameters were not estimated together: {why}")
     fitted, held_out, highest = setting.segments, setting.held, setting.fitter.bands.highest_Hz
     problem = OutputError(Balances(replay), fitted, held_out, tolerance, highest)
@@ -130,10 +130,8 @@ def diagnose_structure(
     return replace(found, wrong=wrong)
 
 
-def left_out(ship: Ship, replay: JointReplay) -> str:
+def left_out(replay: JointReplay) -> str:
     """Return why effects and parameters are not estimated together; empty where they can be."""
-    if ship.turns:
-        return "the ship turns"
     rows, values = replay.rows * replay.every, replay.rows * len(replay.channels)
     if rows > MOST_ROWS:
         return f"the recordings have {rows} rows, more than {MOST_ROWS}; shorten them"

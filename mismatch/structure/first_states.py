@@ -30,7 +30,8 @@ def with_first_states(problem: OutputError, model: Model) -> Floats:
     """
     nuisance = model.nuisance.copy()
     for run, (a, b) in enumerate(problem.replay.segments):
-        own = [3 * run + k for k in range(3) if problem.starts[3 * run + k] > 0.0]
+        every = range(problem.states * run, problem.states * (run + 1))
+        own = [k for k in every if problem.starts[k] > 0.0]
         if not own or np.any((problem.rows >= a) & (problem.rows < b)):
             continue
         first = slice(0, max(2, min(FIRST_ROWS, (b - a) // 4)))

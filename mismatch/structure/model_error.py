@@ -50,7 +50,7 @@ def with_model_error(
         tick: called with the stage, how much is done, and how much there is.
     """
     replay = coarser(balances.replay, MOST_ROWS)
-    if not held or left_out(replay.ship, replay):
+    if not held or left_out(replay):
         return found
     problem = OutputError(Balances(replay), fitted, held)
     before = problem.likelihood.rms(held_residual(identified, replay, fitted, held))

@@ -64,6 +64,8 @@ class OutputError:
     Attributes:
         rows: indices of the fitted rows.
         held_rows: indices of the held-out rows.
+        states: states of a recording's first row that are free.
+        starts: deviation of each of them, recording by recording, in its unit; 0 where it is held.
     """
 
     def __init__(
@@ -90,6 +92,10 @@ class OutputError:
             START["shaft_speed"] * shaft if ship.turns_freely else 0.0,
             START["ship_speed"] if ship.moves else 0.0,
         ]
+        if ship.moves and ship.turns:  # sway, and the rate of turn that gives as much at bow and stern
+            across = START["ship_speed"]
+            start += [across, 2.0 * across / ship.manoeuvring.length_m]
+        self.states = len(start)
         self.starts = np.tile(start, len(self.replay.runs))
         self.measured = np.array([self.replay.recorded[c] for c in self.names])
         self._largest = DIVERGED * np.abs(self.measured).max(axis=1) + 1.0
@@ -124,7 +130,7 @@ class OutputError:
     def _first(self, nuisance: Floats) -> list[tuple[float, ...]]:
         """Return the shift of each recording's first state, in the states' units."""
         shifts = nuisance[: len(self.starts)] * self.starts
-        return [tuple(map(float, one)) for one in shifts.reshape(-1, 3)]
+        return [tuple(map(float, one)) for one in shifts.reshape(-1, self.states)]
 
     def channels_of_run(
         self, run: int, effects: tuple[Placed, ...], shifts: Floats, nuisance: Floats

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from shaftline.plant import ShipError, load_ship
 from shaftline.plant.tolerances import Tolerances
 
 STATED = {
@@ -14,7 +15,7 @@ STATED = {
 
 
 def test_a_ship_that_says_nothing_is_known_this_well() -> None:
-    assert Tolerances().model_dump(exclude={"numbers", "correlations"}) == STATED
+    assert Tolerances().model_dump(exclude={"default", "numbers", "correlations"}) == STATED
     assert Tolerances().numbers == {}
     assert Tolerances().correlations == {}
 
@@ -38,3 +39,15 @@ def test_a_tolerance_runs_from_exact_to_half(key: str) -> None:
     for value in (-1e-9, 0.51):
         with pytest.raises(ValueError, match=key):
             Tolerances.model_validate({key: value})
+
+
+def test_a_file_that_was_guessed_is_known_less_well() -> None:
+    ship = load_ship("frigate").with_values({"tolerances.default": "guessed"})
+    known = ship.tolerances
+    assert (known.resistance, known.wake_fraction, known.torque_offset) == (0.3, 0.1, 0.05)
+    weighed = load_ship("frigate").with_values(
+        {"tolerances.default": "guessed", "tolerances.mass": 0.0}
+    )
+    assert (weighed.tolerances.mass, weighed.tolerances.inertia) == (0.0, 0.3)
+    with pytest.raises(ShipError, match="tolerances.default"):
+        load_ship("frigate").with_values({"tolerances.default": "measured well"})
