@@ -111,16 +111,25 @@ def verdict_of(
         more = colour is not None or undecided or (holds and not whole)
         name = UNEXPLAINED if more else NOTHING
     told = fit if name in (EXPLAINED, PARTLY) else null
-    return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, told, name))
+    return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, told))
 
 
-def balance_verdicts(whiteness: Whiteness, fit: Fit, name: str) -> tuple[BalanceVerdict, ...]:
-    """Each balance for itself, under the model that is told."""
-    null = whiteness.fitter.null
-    shares = explained_shares(whiteness, null, fit)
+def balance_verdicts(
+    whiteness: Whiteness, fit: Fit, file: Whiteness | None = None
+) -> tuple[BalanceVerdict, ...]:
+    """Each balance for itself, under the model that is told.
+
+    Args:
+        whiteness: of the residuals.
+        fit: the model.
+        file: whiteness of the ship file's residuals, where the model's other parameters differ from it.
+    """
+    file = whiteness if file is None else file
+    null = file.fitter.null
+    shares = explained_shares(whiteness, null, fit, file)
     found = []
     for row, balance in enumerate(whiteness.fitter.balances.names):
-        before, left = whiteness.colour(null, row), whiteness.colour(fit, row)
+        before, left = file.colour(null, row), whiteness.colour(fit, row)
         share = float(shares[row])
         if before is None and left is None:
             verdict, share = NOTHING, 1.0
@@ -134,13 +143,22 @@ def balance_verdicts(whiteness: Whiteness, fit: Fit, name: str) -> tuple[Balance
     return tuple(found)
 
 
-def explained_shares(whiteness: Whiteness, null: Fit, fit: Fit) -> np.ndarray:
+def explained_shares(
+    whiteness: Whiteness, null: Fit, fit: Fit, file: Whiteness | None = None
+) -> np.ndarray:
     """Share of the residual's power beyond the noise that a model explains, where it is judged.
+
+    Args:
+        whiteness: of the model's residuals.
+        null: what it is compared with.
+        fit: the model.
+        file: whiteness of what it is compared with, if it is another.
 
     Returns:
         Of each balance, and of all together last; shape (balances + 1,).
     """
-    before, after = (np.maximum(whiteness.ratios(f) - 1.0, 0.0).sum(axis=0) for f in (null, fit))
+    pairs = ((whiteness if file is None else file, null), (whiteness, fit))
+    before, after = (np.maximum(w.ratios(f) - 1.0, 0.0).sum(axis=0) for w, f in pairs)
     before, after = np.append(before, before.sum()), np.append(after, after.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = 1.0 - after / before

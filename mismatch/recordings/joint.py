@@ -15,6 +15,7 @@ from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from ..progress import Tick, silent
 from .checks import TOO_SHORT, too_short
+from .common_interval import at_common_interval
 from .load import TABLE, Recording
 from .overlap import refuse_overlap
 from .parts import load_parts
@@ -78,8 +79,9 @@ def load_jointly(
         raise ValueError("no recording to fit: give at least one that is not set aside")
     refuse_twice(sources)
     groups = load_each(ship, sources, columns, tick, signals)
-    to_fit, aside = parts_of(groups[: len(fitted)]), parts_of(groups[len(fitted) :])
-    loaded = to_fit + aside
+    count = len(parts_of(groups[: len(fitted)]))
+    loaded = at_common_interval(ship, parts_of(groups))
+    to_fit, aside = loaded[:count], loaded[count:]
     refuse_few(to_fit)
     refuse_overlap(loaded, NOT_TWICE)
     limits, warnings = _said(to_fit, loaded, ship)

@@ -17,6 +17,7 @@ _STANDS = 0.02  # share of what it would have moved, by which a shaft that stood
 _USUAL = 0.8  # quantile of a channel's steps from row to row that such a shaft takes at first
 _LESS = 0.5  # share of what it would have moved, from which its next step is no going on
 _STOPPED = 0.1  # share of the rows over which a noisy channel may rest; less is warned of
+_SLOW = 3.0  # times the usual rest, weighted by length, that a rest of a slowly read channel lasts
 _MUST = 0.05  # share of a channel's size by which the ship moves it where a rest is no calm
 _TURNS = 0.02  # share of the fastest row from which the speed says that the shaft turned
 
@@ -82,9 +83,22 @@ def standing(
             moves = float(np.ptp(simulated[column].to_numpy()[first:end]))
         return sticks(table, ship, column, first, end, moves)
 
+    def at_rest(column: str, first: int, end: int) -> bool:
+        """Whether nothing turns the shaft there, or the nominal one stands as well."""
+        if undriven(table, ship, column, first, end):
+            return True
+        if column not in (SHAFT_SPEED, SHAFT_ANGLE) or simulated is None or column not in simulated:
+            return False
+        nominal = simulated[column].to_numpy()
+        return end <= len(nominal) and float(np.ptp(nominal[first:end])) <= _STANDS * float(
+            np.abs(nominal).max()
+        )
+
     for column in measured:
         values, unit = table[column].to_numpy(), BOUNDS[column][2]
         for limit, share, row in clipped(values, noise[column]):
+            if all(at_rest(column, a, b) for a, b in _visits(values == limit)):
+                continue
             why = "the sensor or its logger is saturated"
             if all(held(column, a, b) for a, b in _visits(values == limit)):
                 why = (
@@ -96,6 +110,7 @@ def standing(
                 f"first in row {row + 1}: {why}"
             )
         rests = odd_rests(values, noise[column])
+        rests = [rest for rest in rests if not at_rest(column, rest[0], sum(rest))]
         stuck = [rest for rest in rests if held(column, rest[0], sum(rest))]
         dead = [rest for rest in rests if rest not in stuck]
         if stuck:
@@ -124,6 +139,31 @@ def _visits(at: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
+def undriven(table: pd.DataFrame, ship: Ship, column: str, first: int, end: int) -> bool:
+    """Return whether a shaft rests because nothing drives it: a motor without a command stops.
+
+    Args:
+        table: canonical columns.
+        ship: the nominal ship.
+        column: the channel.
+        first: row from which it is constant.
+        end: one past the last.
+    """
+    if ship.has_diesel or column != SHAFT_SPEED:
+        return False
+    command = table[drive_column(ship)].abs().to_numpy()
+    values = np.abs(table[column].to_numpy())
+    stands = values[first] <= _STANDS * values.max()
+    return bool(stands and np.median(command[first:end]) <= _STANDS * command.max())
+
+
+def _is_slow(values: NDArray[np.float64], length: int) -> bool:
+    """Return whether a rest of so many rows is one of many of a channel that is read slowly."""
+    changes = np.flatnonzero(np.diff(values)) + 1
+    others = np.sort(np.diff(np.concatenate([[0], changes, [len(values)]])))[:-1]
+    return len(others) > 0 and length <= _SLOW * float(np.average(others, weights=others))
+
+
 def dead_channels(
     table: pd.DataFrame, ship: Ship, simulated: pd.DataFrame, interval_s: float
 ) -> Iterator[str]:
@@ -148,7 +188,8 @@ def dead_channels(
         moves = float(np.ptp(there[first : first + length])) if length else 0.0
         if length <= _STOPPED * len(values) or moves <= _MUST * float(np.max(np.abs(there))):
             continue
-        if sticks(table, ship, column, first, first + length, moves):
+        rest = (table, ship, column, first, first + length)
+        if undriven(*rest) or sticks(*rest, moves) or _is_slow(values, length):
             continue
         unit = BOUNDS[column][2]
         where = f"constant at {values[first]:g} {unit} in every row"

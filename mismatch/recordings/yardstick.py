@@ -38,6 +38,7 @@ from .slips import (
 from .standing import dead_channels
 
 _STEPS = 200_000  # of integration; more of a recording is not needed to tell its units
+_NOTHING = 1e-6  # largest value of a channel, in its unit, that a ship at rest gives
 _HONEST = 0.3  # relative rms difference up to which no other unit is looked for
 _HONEST_PAIR = 0.1  # the same for swapped names, whose magnitudes may be alike
 _BELOW = 0.02  # difference below which nothing better is asked for
@@ -214,7 +215,7 @@ class Yardstick:
                 yield self._sentence(self._drive, found)
                 return
         for column, off in self.off.items():
-            if off <= _HONEST:
+            if off <= _HONEST or not self._reaches(column):
                 continue
             found = self._explaining(column, column, slips_of(column, self.ship))
             if found and rectified_remark(self.table, self.sailed, column, self._drive, 0.0):
@@ -223,6 +224,10 @@ class Yardstick:
                 ]  # the sign is lost, not turned
             if found := found or self._magnitudes_apart(column):
                 yield self._sentence(column, found)
+
+    def _reaches(self, column: str) -> bool:
+        """Whether the ship moves a channel at all: its unit cannot be told where nothing turns."""
+        return self.sailed is not None and float(np.abs(self.sailed[column]).max()) > _NOTHING
 
     def _magnitudes_apart(self, column: str) -> list[Slip]:
         """The factor by which a channel has the ship's course at another order of magnitude."""

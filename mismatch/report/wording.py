@@ -68,7 +68,7 @@ def channel_name(column: str) -> tuple[str, str]:
 
 def parameter_words(name: str, unit: str) -> str:
     """Name of a ship's key without the unit that it ends in."""
-    suffix = "_" + re.sub(r"[ /]", "_", unit)
+    suffix = "_" + re.sub(r"[ /]", "_", unit.partition(" = ")[0])
     return name.removesuffix(suffix).replace("_", " ")
 
 

@@ -99,7 +99,9 @@ def tolerance_moves(
             yield moved
     for side in ("engine", "propeller") if ship.turns_freely else ("propeller",):
         yield from off(f"transmission.inertia_{side}_side_kg_m2")
-    if ship.has_propeller and "propeller.torque_coefficient" not in told:
+    if ship.has_key("propeller.torque_coefficient"):
+        yield from off("propeller.torque_coefficient")
+    elif ship.has_propeller:
         yield from off("propeller.relative_rotative_efficiency", power=-1.0)
     if ship.has_diesel:
         yield from off("prime_mover.torque_per_rack_N_m_mm")

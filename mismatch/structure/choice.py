@@ -35,6 +35,7 @@ class Ranked:
         compared: the same with outliers clipped.
         likelihood: 2 log L of the held-out data by the noise model.
         place: sum of its effects' places in the catalogue.
+        at_bound: whether a value of an effect ended at the bound of its search.
     """
 
     model: Model
@@ -43,6 +44,7 @@ class Ranked:
     compared: Floats
     likelihood: float = 0.0
     place: int = 0
+    at_bound: bool = False
 
     @property
     def evidence(self) -> float:
@@ -76,6 +78,8 @@ def total(held: Floats, best: Floats) -> float:
 def choose(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
     """Return the likeliest model whose effects pay, and those that are as good.
 
+    Models with a value at the bound of its search are chosen only where there are no others.
+
     Args:
         ranked: models by merit, the best first.
         before: held-out rms error of the file's ship by channel, in the channels' units. A model that
@@ -88,6 +92,7 @@ def choose(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
     runners = sorted(ranked, key=lambda one: one.evidence, reverse=True)
     runners = [one for one in runners if np.isfinite(one.evidence)] or ranked
     runners = [one for one in runners if _pays(one, ranked)][:FINALISTS] or runners[:1]
+    runners = [one for one in runners if not one.at_bound] or runners
     runners = [one for one in runners if np.all(one.held <= NO_WORSE * before)] or runners
     scale = runners[0].compared
     errors = [total(one.compared, scale) for one in runners]

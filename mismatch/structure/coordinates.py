@@ -21,6 +21,9 @@ STEP_RATIO, STEP_SIZE = 0.01, 0.02
 STEP_NEAR = 0.3
 """Finite difference of a first state, and of a parameter that moves by a difference, in deviations."""
 
+MOST_SKEW = 0.5
+"""Recorded rows by which a channel's clock may be off."""
+
 FIXED = 1e12
 """Precision of a coordinate that does not move."""
 
@@ -91,7 +94,7 @@ class Coordinates:
         found = point.copy()
         for k, prior in enumerate(self._owner.priors):
             found[k] = min(max(found[k], prior.range[0]), prior.range[1])
-        most = 0.5 / self._owner.replay.every  # of a recorded row
+        most = MOST_SKEW / self._owner.replay.every
         found[self.clocks : self.edge] = np.clip(found[self.clocks : self.edge], -most, most)
         found[self.edge :] = np.clip(found[self.edge :], self._low, self._high)
         return found

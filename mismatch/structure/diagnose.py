@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from ...plant.ship import Ship
 from ...plant.ship_errors import ShipError
@@ -24,6 +26,7 @@ from ..judge.verdict import (
     PARTLY,
     UNEXPLAINED,
     balance_verdicts,
+    explained_shares,
     too_little,
 )
 from ..judge.whiteness import Whiteness
@@ -203,7 +206,8 @@ def _diagnosed(
     """
     problem, model, replay = search.problem, best.model, setting.balances.replay
     ship = _with_parameters(first.ship, problem, model)
-    balances = Balances(JointReplay(ship, *together.tables, line=replay.line, every=replay.every))
+    tables = _in_time(together.tables, problem, model)
+    balances = Balances(JointReplay(ship, *tables, line=replay.line, every=replay.every))
     bands = bands_of(balances, setting.segments, setting.fitter.bands.highest_Hz)
     fitter = Fitter(balances, bands, problem.tolerance)
     fit = fitter.fitted(model.effects)
@@ -222,8 +226,7 @@ def _diagnosed(
     ]
     after = dict(zip(problem.names, problem.simulate(model), strict=True))
     judge = HeldOut(setting.fitter, setting.held)
-    powers = [w.ratios(f) for w, f in ((setting.whiteness, setting.fitter.null), (whiteness, fit))]
-    lacked, left = (float(np.maximum(power - 1.0, 0.0).sum()) for power in powers)
+    shares = explained_shares(whiteness, setting.fitter.null, fit, setting.whiteness)
     return replace(
         first,
         verdict=verdict,
@@ -235,8 +238,8 @@ def _diagnosed(
         shape_windows=[],
         shape_regime="",
         formula=None,
-        balance_verdicts=balance_verdicts(whiteness, fit, verdict),
-        explained=1.0 - left / lacked if lacked > 0.0 else 1.0,
+        balance_verdicts=balance_verdicts(whiteness, fit, setting.whiteness),
+        explained=float(shares[-1]),
         left_over=whiteness.colour(fit),
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
         detectable=detectable_effects(
@@ -247,6 +250,20 @@ def _diagnosed(
         warnings=[*together.warnings, *remarks(best, problem)],
         numbers=parameter_estimates(first.ship, problem, model, corrected),
     )
+
+
+def _in_time(
+    tables: Sequence[pd.DataFrame], problem: OutputError, model: Model
+) -> list[pd.DataFrame]:
+    """Return recordings with the measured channels moved onto the commands' clock."""
+    skews = model.nuisance[len(problem.starts) :] * problem.replay.every  # rows as recorded
+    moved = []
+    for table in tables:
+        rows = np.arange(len(table))
+        pairs = zip(problem.names, skews, strict=True)
+        on_time = {c: np.interp(rows - skew, rows, table[c]) for c, skew in pairs if c in table}
+        moved.append(table.assign(**on_time))
+    return moved
 
 
 def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:

@@ -9,9 +9,13 @@ from ..numbers.moved import TOLD, MovedNumber
 from ..numbers.wrong import WrongNumber
 from ..search.fitting import Fitter
 from .choice import Ranked
+from .coordinates import MOST_SKEW
 from .model import Model
 from .output_error import OutputError
 from .priors import Prior
+
+TOLD_SKEW, SURE_SKEW = 0.1, 3.0
+"""Rows by which a channel's clock is told to be off, and standard errors that this must be."""
 
 LOOSE = 0.3
 """Standard error of a parameter's logarithm, the file's tolerances ignored, from which on the recordings
@@ -82,6 +86,7 @@ def remarks(best: Ranked, problem: OutputError) -> list[str]:
         f"{column}: held-out rms error {was:.4g} with the ship file, {now:.4g} with the corrected ship"
         for column, was, now in zip(problem.names, before, best.held, strict=True)
     ]
+    said += _skews(best.model, problem)
     far = sorted(problem.moved_far(best.model))
     for k in far:
         prior, shift = problem.priors[k], float(best.model.shifts[k])
@@ -96,5 +101,28 @@ def remarks(best: Ranked, problem: OutputError) -> list[str]:
         said.append(
             f"{', '.join(loose)}: these recordings determine only a combination with other parameters; "
             "the value holds as far as the tolerances of the others in the ship file do"
+        )
+    return said
+
+
+def _skews(model: Model, problem: OutputError) -> list[str]:
+    """Return remarks on channels whose clocks are clearly apart from the commands' clock."""
+    errors = problem.standard_errors(model)[len(model.shifts) :]
+    clocks = len(problem.starts)
+    said = []
+    for k, column in enumerate(problem.names):
+        rows = float(model.nuisance[clocks + k]) * problem.replay.every
+        error = float(errors[clocks + k]) * problem.replay.every
+        if abs(rows) < TOLD_SKEW or abs(rows) < SURE_SKEW * error:
+            continue
+        milliseconds = 1e3 * abs(rows) * problem.replay.interval_s / problem.replay.every
+        limit = ", the limit of the search," if abs(rows) > MOST_SKEW - 0.01 else ""
+        cause = (
+            "a delay of the sensor or of the command below a row" if rows < 0.0 else "time stamps"
+        )
+        said.append(
+            f"{column} is {milliseconds:.3g} ms ({abs(rows):.2f} rows){limit} "
+            f"{'late' if rows < 0.0 else 'early'} against the commands: the logger's clocks or {cause}; "
+            "held-out errors are with it, the corrected ship has no such delay"
         )
     return said

@@ -40,8 +40,7 @@ def row_weights(residual: Floats, floor: Floats) -> Floats:
         floor: least deviation by channel, in the channels' units, shape (channels,).
     """
     limit = HUBER * np.hypot(deviations(residual), floor)[:, None]
-    with np.errstate(divide="ignore"):
-        return np.minimum(1.0, limit / np.abs(residual))
+    return np.asarray(limit / np.maximum(np.abs(residual), limit))
 
 
 class NoiseModel:

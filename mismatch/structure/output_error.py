@@ -92,7 +92,9 @@ class OutputError:
             START["shaft_speed"] * shaft if ship.turns_freely else 0.0,
             START["ship_speed"] if ship.moves else 0.0,
         ]
-        if ship.moves and ship.turns:  # sway, and the rate of turn that gives as much at bow and stern
+        if (
+            ship.moves and ship.turns
+        ):  # sway, and the rate of turn that gives as much at bow and stern
             across = START["ship_speed"]
             start += [across, 2.0 * across / ship.manoeuvring.length_m]
         self.states = len(start)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..judge.findings import at_bound
 from ..progress import Tick, silent
 from ..search.effect import Effect
 from ..search.placed import Placed
@@ -119,6 +120,7 @@ class StructureSearch:
                     self.problem.likelihood.rms(residual, self.limit),
                     self.problem.likelihood.held(residual, self.limit),
                     place,
+                    any(at_bound(self.problem.trial_ship, placed) for placed in model.effects),
                 )
             )
         return found

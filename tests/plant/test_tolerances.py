@@ -49,5 +49,5 @@ def test_a_file_that_was_guessed_is_known_less_well() -> None:
         {"tolerances.default": "guessed", "tolerances.mass": 0.0}
     )
     assert (weighed.tolerances.mass, weighed.tolerances.inertia) == (0.0, 0.3)
-    with pytest.raises(ShipError, match="tolerances.default"):
+    with pytest.raises(ShipError, match=r"tolerances\.default"):
         load_ship("frigate").with_values({"tolerances.default": "measured well"})

@@ -22,7 +22,7 @@ from ..turning import quick_tanker, swinging
 from ..voyages import bench_tug, frigate_voyage, tug_run
 
 FOULING = Placed(next(e for e in catalogue() if e.id == "hull-fouling"), (0.04,))
-BY_NUMBER = ("numbers", "correlations")
+BY_NUMBER = ("default", "numbers", "correlations")
 NUMBERS = [f"tolerances.{key}" for key in Tolerances.model_fields if key not in BY_NUMBER]
 
 
