@@ -96,3 +96,10 @@ class Outcome:
     wrong: list[WrongNumber | None] = field(default_factory=list)
     balance_verdicts: tuple[BalanceVerdict, ...] = ()
     formula: Formula | None = None
+
+    @property
+    def held_rows(self) -> NDArray[np.bool_]:
+        """Whether each row was set aside, shape (rows,)."""
+        half = 0.5 * float(self.time_s[1] - self.time_s[0])
+        inside = [(self.time_s > a - half) & (self.time_s < b - half) for a, b in self.held_out]
+        return np.any(inside, axis=0)

@@ -52,7 +52,7 @@ from .recordings.joint import (
     parts_of,
     refuse_twice,
 )
-from .recordings.loading import turned
+from .recordings.loading import one_way, turned
 from .recordings.overlap import refuse_shared
 from .search.catalogue import applicable
 from .search.fitting import Fitter
@@ -132,9 +132,11 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
     with threadpool_limits(1, "blas"):
         start = replace(start, ship=options.hearing(start.ship, together.signals))
         columns = set(together.tables[0].columns)
+        tables = together.tables
         effects = applicable(
-            start.ship, columns, options.exclude, options.own_effects, turned(together.tables)
-        )
+            start.ship, columns, options.exclude, options.own_effects,
+            turned(tables), one_way(start.ship, tables),
+        )  # fmt: skip
         ship = start.ship
         for _ in range(MOST_ROUNDS):
             settings = Settings(ship, together, effects, options.tolerance)
@@ -189,6 +191,8 @@ def _judged(
         formula = formula_instead(selection, verdict, whiteness, judge)
         if formula is not None and refuted(formula, selection, whiteness):
             verdict = verdict_of(selection, whiteness, -math.inf, replay.excited)
+        elif formula is not None:  # something acts besides what is named
+            verdict = replace(verdict, name=PARTLY)
     undecidable = too_little(replay.excited, together.limits)
     if verdict.name == NOTHING and undecidable:  # which is not the same
         verdict = replace(verdict, name=UNEXPLAINED)

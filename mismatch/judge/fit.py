@@ -44,3 +44,20 @@ def fits(
     """
     found = {c: fit_percent(y[rows], simulated[c][rows]) for c, y in measured.items()}
     return {c: value for c, value in found.items() if not np.isnan(value)}
+
+
+def rms_errors(
+    measured: Mapping[str, NDArray[np.float64]],
+    simulated: Mapping[str, NDArray[np.float64]],
+    rows: NDArray[Any],
+) -> dict[str, float]:
+    """Rms of measured minus simulated by column, in its unit.
+
+    Args:
+        measured: channels by column, each of shape (n,).
+        simulated: likewise.
+        rows: that are judged, as indices or as a mask.
+    """
+    return {
+        c: float(np.sqrt(np.mean((y[rows] - simulated[c][rows]) ** 2))) for c, y in measured.items()
+    }

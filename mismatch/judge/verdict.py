@@ -20,6 +20,10 @@ EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
 )  # fmt: skip
 """Verdicts."""
 
+MOST_LEFT = 100.0
+"""Times the noise's power, in the band where most is left, up to which a recording is explained: ten
+times the noise's amplitude."""
+
 EXPLAINED_SHARE = 0.8
 """Named effects must explain this share of the residual's power beyond the noise, where what is left is
 more than noise; else they are not all of the truth."""
@@ -99,10 +103,11 @@ def verdict_of(
     undecided = bool(fit.effects) and not excited and several
     holds = bool(fit.effects) and gain >= -TELL_APART and not undecided
     whole = left_over is None or explained >= EXPLAINED_SHARE
+    near = left_over is None or left_over.ratio <= MOST_LEFT
     # a value at the bound of its search, or outside what is plausible: the truth lies elsewhere
     trial_ship = whiteness.fitter.trial_ship
     doubted = any(at_bound(trial_ship, p) or implausible(trial_ship, p) for p in fit.effects)
-    if holds and whole and not doubted:
+    if holds and whole and near and not doubted:
         name = EXPLAINED
     elif holds and (sure or whole):
         name = PARTLY

@@ -19,7 +19,7 @@ from ...plant.ship_errors import ShipError
 from ..judge.held_out import Segments, bands_of, set_aside
 from ..progress import Tick, silent
 from ..recordings.joint import Recorded, load_jointly
-from ..recordings.loading import turned
+from ..recordings.loading import one_way, turned
 from ..search.catalogue import applicable
 from ..search.fitting import Fitter
 from ..search.selection import TELL_APART
@@ -130,8 +130,10 @@ def identify(
         if found.line:
             balances = Balances(JointReplay(ship, *together.tables, line=True))
         if METHODS[method].cut:
-            columns_of = set(together.tables[0].columns)
-            effects = applicable(ship, columns_of, turned=turned(together.tables))
+            tables = together.tables
+            effects = applicable(
+                ship, tables[0].columns, turned=turned(tables), one_way=one_way(ship, tables)
+            )
             found = with_model_error(
                 found, identified_ship(ship, found), balances, train, held, effects, tick
             )

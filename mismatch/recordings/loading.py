@@ -9,7 +9,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...plant.columns import COLUMNS, HEADING, RUDDER, RUDDER_COMMAND, TIME, YAW_RATE
+from ...plant.columns import (
+    COLUMNS,
+    HEADING,
+    RUDDER,
+    RUDDER_COMMAND,
+    SHAFT_SPEED,
+    TIME,
+    YAW_RATE,
+    drive_column,
+)
 from ...plant.ship import Ship
 
 TURNED = math.radians(30.0)
@@ -52,6 +61,23 @@ def turned(tables: Iterable[pd.DataFrame]) -> bool:
         if np.abs(np.angle(np.exp(1j * apart))).max() > TURNED:
             return True
     return False
+
+
+def one_way(ship: Ship, tables: Iterable[pd.DataFrame]) -> bool:
+    """Whether the shaft of recordings turns, and is driven, one way only.
+
+    Args:
+        ship: the ship.
+        tables: with canonical columns.
+    """
+    ends = []
+    for table in tables:
+        for column in {drive_column(ship), SHAFT_SPEED} & set(table):
+            values = table[column].to_numpy(dtype=np.float64)
+            low, high = float(values.min()), float(values.max())
+            size = DULL_SHARE * max(abs(low), abs(high))
+            ends.append((low < -size, high > size))
+    return not (any(low for low, _ in ends) and any(high for _, high in ends))
 
 
 def loaded(ship: Ship, table: pd.DataFrame) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ..judge.fit import rms_errors
 from ..judge.verdict import EXPLAINED
 from ..outcome import Outcome
 from ..simulate.balances import PART_OF
@@ -119,6 +120,8 @@ def as_dict(diagnosis: Outcome) -> dict[str, Any]:
             "held_out": {
                 "before": diagnosis.fit_before,
                 "after": diagnosis.fit_after,
+                "rms_before": rms_errors(diagnosis.measured, diagnosis.before, diagnosis.held_rows),
+                "rms_after": rms_errors(diagnosis.measured, diagnosis.after, diagnosis.held_rows),
                 "gain_2logL": diagnosis.held_out_gain,
             }
         },

@@ -42,7 +42,8 @@ def headline(diagnosis: Outcome) -> str:
         names = dict.fromkeys(effect_words(f.effect) for f in diagnosis.findings)
         return _shortened(f"{verdict} by", list(names))
     if wrong := numbers_changed(diagnosis):
-        return _shortened(f"{verdict}: the ship file is wrong in", wrong)
+        left = "; what is left has no name" if diagnosis.verdict == UNEXPLAINED else ""
+        return _shortened("The ship file is wrong in", wrong, left)
     if diagnosis.verdict == NOTHING:
         return f"{verdict}: the difference is within noise and the tolerances of the ship file."
     if status(diagnosis) != UNEXPLAINED:
@@ -54,14 +55,14 @@ def headline(diagnosis: Outcome) -> str:
     return f"{verdict}: no effect of the catalogue fits."
 
 
-def _shortened(begin: str, names: list[str]) -> str:
+def _shortened(begin: str, names: list[str], end: str = "") -> str:
     """Return a headline with as many names as it has words for."""
     for count in range(len(names), 0, -1):
         more = len(names) - count
-        line = f"{begin} {listed([*names[:count], *([f'{more} more'] if more else [])])}."
+        line = f"{begin} {listed([*names[:count], *([f'{more} more'] if more else [])])}{end}."
         if len(line.split()) <= MOST_WORDS:
             return line
-    return f"{begin} {len(names)} of them."
+    return f"{begin} {len(names)} of them{end}."
 
 
 def between(windows: list[tuple[float, float]]) -> str:
@@ -150,10 +151,12 @@ def sentence(diagnosis: Outcome) -> str:
     if diagnosis.formula is not None:
         return f"Something is missing that has no name. {formula_sentence(diagnosis.formula)}"
     if shape is None:
-        unknown = "Something is missing that the catalogue does not name."
         if biased := biased_parameters(diagnosis):
-            return f"{unknown} Parameters of the ship file are biased: {biased}."
-        return unknown
+            return (
+                f"Parameters of the ship file are wrong: {biased}. What is left is more than noise, and "
+                "the catalogue does not name it."
+            )
+        return "Something is missing that the catalogue does not name."
     signal = shape.signal.replace("_", " ")
     low, high = float(np.min(shape.values)), float(np.max(shape.values))
     if high <= 0.0:

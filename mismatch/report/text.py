@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ..judge.fit import rms_errors
 from ..judge.verdict import NOTHING
 from ..outcome import Outcome
 from .formulas import formula_lines
 from .numbers import table_rows, wrong_of, wrong_words
 from .sentences import headline, sentence
+from .wording import channel_name
 
 CONSTANT = "constant: no FitPercent"
 
@@ -60,8 +62,8 @@ def summary(diagnosis: Outcome) -> str:
         parts.append("Balance by balance\n" + aligned(_balances(diagnosis), ("explained",)))
     held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
     parts.append(
-        "FitPercent, 100 is perfect\n"
-        + aligned(_fits(diagnosis), ("before", "after"))
+        "Ship file (before) and corrected ship (after), run freely; FitPercent: 100 is perfect\n"
+        + aligned(_fits(diagnosis), ("before", "after", "rms before", "rms after"))
         + f"\njudged on {held}, which was set aside before anything was fitted"
     )
     notes = [f"note: {note}" for note in (*diagnosis.limits, *diagnosis.warnings)]
@@ -115,12 +117,21 @@ def _findings(diagnosis: Outcome) -> list[dict[str, str]]:
 
 
 def _fits(diagnosis: Outcome) -> list[dict[str, str]]:
-    rows = []
-    for channel in diagnosis.measured:
-        row = {"channel": channel, "before": "–", "after": "–", "": CONSTANT}
+    measured, rows = diagnosis.measured, diagnosis.held_rows
+    before, after = (
+        rms_errors(measured, simulated, rows) for simulated in (diagnosis.before, diagnosis.after)
+    )
+    table = []
+    for channel in measured:
+        row = {"channel": channel, "before": "–", "after": "–"}
         if channel in diagnosis.fit_before:
             row["before"] = f"{diagnosis.fit_before[channel]:.1f}"
             row["after"] = f"{diagnosis.fit_after[channel]:.1f}"
-            row[""] = ""
-        rows.append(row)
-    return rows
+        row |= {
+            "rms before": f"{before[channel]:.4g}",
+            "rms after": f"{after[channel]:.4g}",
+            "unit": channel_name(channel)[1],
+            "": "" if channel in diagnosis.fit_before else CONSTANT,
+        }
+        table.append(row)
+    return table

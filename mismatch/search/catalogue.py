@@ -35,6 +35,7 @@ def applicable(
     exclude: Iterable[str] = (),
     own: Iterable[Effect] = (),
     turned: bool = False,
+    one_way: bool = False,
 ) -> list[Effect]:
     """Entries that a ship can have and a recording could show.
 
@@ -44,6 +45,7 @@ def applicable(
         exclude: ids to leave out.
         own: entries besides the catalogue's.
         turned: whether the recording turns.
+        one_way: whether the shaft turns and is driven one way only.
 
     Raises:
         ValueError: an id to leave out is unknown.
@@ -61,4 +63,5 @@ def applicable(
         and set(effect.needs) <= known
         and effect.acts_on(ship)
         and not (effect.straight and turned and not ship.turns)
+        and not (effect.both_ways and one_way)
     ]

@@ -86,6 +86,7 @@ class Effect:
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
             ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``, ``reverses``; beside having
             the balance and the keys. ``not moves`` is a ship without that property.
+        both_ways: it shows only where the shaft turns, or is driven, both ways.
         straight: a ship that does not turn has it only where the recording does not turn either.
     """
 
@@ -106,6 +107,7 @@ class Effect:
     applies_to: tuple[str, ...] = ()
     term: Term | None = None
     straight: bool = False
+    both_ways: bool = False
     excess: str = ""
 
     def on(self, ship: Ship) -> Ship:

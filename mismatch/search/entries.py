@@ -101,6 +101,7 @@ class _Entry(FileModel):
     needs: tuple[str, ...] = ()
     applies_to: tuple[str, ...] = ()
     straight: bool = False
+    both_ways: bool = False
 
     def told(self) -> dict[str, Any]:
         """What is handed on as it stands."""

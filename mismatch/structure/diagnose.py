@@ -54,6 +54,10 @@ CLOSER = 0.8
 """Share of the first diagnosis's held-out error that the model of this search must come below, as the
 channels' geometric mean. Otherwise the first diagnosis stands: it knows effects that act for a time."""
 
+AS_CLOSE = 1.0
+"""The same of a model without effects, where the first diagnosis does not explain the recording: a file
+whose parameters are wrong needs no further physics."""
+
 NO_CLOSER = (
     "effects and parameters were also estimated together, which came no closer to the held-out data"
 )
@@ -113,17 +117,28 @@ def diagnose_structure(
     if within_noise(problem, before):
         return first
     search = StructureSearch(problem, effects, tick, most, _effects_of(first))
-    if min(total(problem.held_error(quick), before) for quick in search.quick_pass()) > CLOSER:
+    alone = CLOSER if first.verdict == EXPLAINED else AS_CLOSE
+    if all(
+        total(problem.held_error(quick), before) > (CLOSER if quick.effects else alone)
+        for quick in search.quick_pass()
+    ):
         return _with_remark(first, NO_CLOSER)
     ranked = search.search()
+    clipped = problem.likelihood.rms(residual, search.limit)
+
+    def closer(one: Ranked) -> bool:
+        """Whether a model is closer to the held-out data, with or without their outliers."""
+        error = min(total(one.held, before), total(one.compared, clipped))
+        return error <= (CLOSER if one.model.effects else alone)
+
     best, alike = choose(ranked, problem.held_error(problem.file_model()))
-    if total(best.compared, problem.likelihood.rms(residual, search.limit)) > CLOSER:
-        return _doubted(first)
+    if (pruned := search.pruned(best)) is not best:
+        best, alike = pruned, []
     plain = next(one for one in ranked if not one.model.effects)
     if best.model.effects and total(best.held, plain.held) > BETTER:
         best, alike = plain, []
-        if total(best.compared, problem.likelihood.rms(residual, search.limit)) > CLOSER:
-            return _doubted(first)
+    if not closer(best):
+        return _doubted(first)
     model, replaced = replace_far_parameters(search, best.model)
     if replaced:
         held = problem.held_error(model)

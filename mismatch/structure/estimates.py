@@ -80,13 +80,8 @@ def biased_parameter(
 
 
 def remarks(best: Ranked, problem: OutputError) -> list[str]:
-    """Return remarks on held-out errors, and on parameters far from the file."""
-    before = problem.held_error(problem.file_model())
-    said = [
-        f"{column}: held-out rms error {was:.4g} with the ship file, {now:.4g} with the corrected ship"
-        for column, was, now in zip(problem.names, before, best.held, strict=True)
-    ]
-    said += _skews(best.model, problem)
+    """Return remarks on clocks, and on parameters far from the file."""
+    said = _skews(best.model, problem)
     far = sorted(problem.moved_far(best.model))
     for k in far:
         prior, shift = problem.priors[k], float(best.model.shifts[k])

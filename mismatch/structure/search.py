@@ -107,23 +107,33 @@ class StructureSearch:
             if self.merit(model) > self.merit(best[0]) - WITHIN:
                 self._polish(model)
         ranked = sorted(self.pool.values(), key=self.merit, reverse=True)
+        return [self.ranked(model) for model in ranked]
+
+    def ranked(self, model: Model) -> Ranked:
+        """Return a fitted model with how good it is."""
+        problem = self.problem
+        residual = problem.held_residual(model)
         order = {effect.label: k for k, effect in enumerate(self.effects)}
-        found = []
-        for model in ranked:
-            residual = self.problem.held_residual(model)
-            place = sum(order[label] for label in model.labels)
-            found.append(
-                Ranked(
-                    model,
-                    self.merit(model),
-                    self.problem.likelihood.rms(residual),
-                    self.problem.likelihood.rms(residual, self.limit),
-                    self.problem.likelihood.held(residual, self.limit),
-                    place,
-                    any(at_bound(self.problem.trial_ship, placed) for placed in model.effects),
-                )
-            )
-        return found
+        return Ranked(
+            model,
+            self.merit(model),
+            problem.likelihood.rms(residual),
+            problem.likelihood.rms(residual, self.limit),
+            problem.likelihood.held(residual, self.limit),
+            sum(order[label] for label in model.labels),
+            any(at_bound(problem.trial_ship, placed) for placed in model.effects),
+        )
+
+    def pruned(self, best: Ranked) -> Ranked:
+        """Return a model without the effects that do not pay once the rest is fitted to the end."""
+        effects = best.model.effects
+        rests = [effects[:k] + effects[k + 1 :] for k in range(len(effects))]
+        parts = [
+            self.ranked(self.problem.fit_from_far(self.problem.fit(rest, best.model)))
+            for rest in rests
+        ]
+        part = max(parts, key=lambda one: one.evidence, default=best)
+        return self.pruned(part) if part.evidence > best.evidence else best
 
     def quick_pass(self) -> list[Model]:
         """Return the models of the quick pass, which looks for the richest one; it is run once."""

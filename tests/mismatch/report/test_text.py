@@ -45,10 +45,10 @@ def test_a_summary_has_answer_findings_fit_and_notes() -> None:
             "In words",
             found.sentence,
             "",
-            "FitPercent, 100 is perfect",
-            "channel            before  after",
-            "pitch_ratio          84.5   99.4",
-            "shaft_speed_rad_s    84.5   99.4",
+            "Ship file (before) and corrected ship (after), run freely; FitPercent: 100 is perfect",
+            "channel            before  after  rms before  rms after  unit",
+            "pitch_ratio          84.5   99.4         0.3          0",
+            "shaft_speed_rad_s    84.5   99.4         0.3          0  rad/s",
             "judged on 180 to 240 s, which was set aside before anything was fitted",
             "",
             "note: dull: a",
@@ -72,6 +72,8 @@ def test_a_constant_channel_says_so() -> None:
     )
     lines = summary(found).splitlines()
     (line,) = (line for line in lines if line.startswith("shaft_speed_rad_s"))
-    assert line.split(maxsplit=3) == ["shaft_speed_rad_s", "–", "–", "constant: no FitPercent"]
+    assert line.split(maxsplit=6) == [
+        "shaft_speed_rad_s", "–", "–", "0.3", "0", "rad/s", "constant: no FitPercent",
+    ]  # fmt: skip
     assert "What is missing" not in summary(found)
     assert "note:" not in summary(found)
