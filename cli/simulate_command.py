@@ -10,6 +10,7 @@ import typer
 
 from .. import display
 from ..core.files import check_writable, write_atomically
+from ..mismatch import load_recording
 from ..observers import follow_table, get_observer
 from ..observers.metrics import with_noisy_readings
 from ..plant import get_sea, load_ship, realise
@@ -26,6 +27,9 @@ def simulate(
     ] = "frigate",
     inputs: Annotated[
         Path | None, typer.Option(help="Recording (CSV) whose demands drive the ship open loop.")
+    ] = None,
+    columns: Annotated[
+        Path | None, typer.Option(help="Column map of the recording, as of `shaftline diagnose`.")
     ] = None,
     case: Annotated[
         str | None, typer.Option(help=f"Load case instead of a recording: {', '.join(CASES)}.")
@@ -64,10 +68,14 @@ def simulate(
         shaftline simulate --ship my_ship.toml --case jonswap --hs 2.5 --tp 8 --out run.csv
 
         shaftline simulate --ship frigate --inputs voyage.csv --out simulated.csv
+
+        shaftline simulate --ship rig.toml --inputs log.csv --columns map.toml --out sim.csv
     """
     with clear_errors():
         if (inputs is None) == (case is None):
             raise ValueError("give either --inputs RECORDING.csv or --case NAME")
+        if columns is not None and inputs is None:
+            raise ValueError("--columns belongs to --inputs RECORDING")
         if out is None and figure is None:
             raise ValueError("nothing to write: give --out FILE.csv, --figure FILE.png or both")
         for file in filter(None, (out, figure)):
@@ -92,9 +100,12 @@ def simulate(
             assert inputs is not None
             waves = get_sea(sea or "calm")
             realised = realise(waves, vessel.propeller.depth_m, seed) if waves else None
-            recording = read_recording(
-                inputs, [*input_columns(vessel), *vessel.hears], vessel.signals
-            )
+            if columns is not None:
+                recording = load_recording(inputs, vessel, columns).table
+            else:
+                recording = read_recording(
+                    inputs, [*input_columns(vessel), *vessel.hears], vessel.signals
+                )
             table = simulate_recording(vessel, recording, realised, every_signal=True)
             title = f"{vessel.name} driven by {inputs.name}"
         if watcher is not None:

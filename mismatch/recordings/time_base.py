@@ -32,6 +32,8 @@ _CLOCK = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*")
 _DOTTED = re.compile(r"\s*\d{1,2}\.\d{1,2}\.\d{2,4}\b")
 _STAMP = re.compile(r"\d:\d\d|\d{4}-\d\d?-\d|\d\d?[./]\d\d?[./]\d")
 _COMMA_SECONDS = re.compile(r"(:\d{2}),(\d)")
+_COLON_SECONDS = re.compile(r"(\d:\d{2}:\d{2}):(\d{3}|\d{6})$")  # milliseconds behind a colon
+_REPEATED = 0.1  # share of the rows that may have the time of the row before; more is no time base
 
 
 def seconds_of_stamps(values: pd.Series, form: str | None = None) -> pd.Series:
@@ -53,6 +55,8 @@ def seconds_of_stamps(values: pd.Series, form: str | None = None) -> pd.Series:
         if form is None and not pd.isna(clock[:, :2]).any():
             return pd.Series(_counted_on(clock), values.index)
         texts = texts.str.replace(_COMMA_SECONDS, r"\1.\2", regex=True)
+        if form is None:
+            texts = texts.str.replace(_COLON_SECONDS, r"\1.\2", regex=True)
     stamps = _moments(texts, form)
     return (stamps - stamps.iloc[0]).dt.total_seconds()
 
@@ -89,7 +93,8 @@ def first_day(values: pd.Series, form: str | None = None) -> str | None:
     if _CLOCK.fullmatch(first):
         return None
     try:
-        stamp = _moments(pd.Series([_COMMA_SECONDS.sub(r"\1.\2", first)]), form).iloc[0]
+        first = _COLON_SECONDS.sub(r"\1.\2", _COMMA_SECONDS.sub(r"\1.\2", first))
+        stamp = _moments(pd.Series([first]), form).iloc[0]
         return str(stamp.date())
     except ValueError:
         return None
@@ -221,6 +226,15 @@ def filled(path: Path, table: pd.DataFrame, known: list[str]) -> tuple[pd.DataFr
 
 def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """The table on an even time base, and warnings on what was interpolated for it."""
+    said = []
+    steps = np.diff(table[TIME].to_numpy())
+    if 0.0 < np.mean(steps == 0.0) <= _REPEATED and (steps >= 0.0).all():
+        row = int(np.argmax(steps == 0.0)) + 2
+        said.append(
+            f"{np.sum(steps == 0.0)} rows have the time of the row before, first row {row}; such rows "
+            "were averaged"
+        )
+        table = table.groupby(TIME, as_index=False).mean()[[*table]]
     time = table[TIME].to_numpy()
     steps = np.diff(time)
     if (steps <= 0.0).any():
@@ -253,8 +267,7 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
         )
     uneven = np.abs(steps - usual) > 0.5 * usual
     if not len(gaps) and (np.abs(steps - usual) <= _EVEN * usual).all():
-        return table, []
-    said = []
+        return table, said
     onto = "every channel was interpolated linearly onto an even time base"
     if uneven.mean() > _UNEVEN:
         said.append(
