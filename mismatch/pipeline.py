@@ -133,10 +133,11 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         start = replace(start, ship=options.hearing(start.ship, together.signals))
         columns = set(together.tables[0].columns)
         tables = together.tables
-        effects = applicable(
+        every = applicable(
             start.ship, columns, options.exclude, options.own_effects,
             turned(tables), one_way(start.ship, tables),
         )  # fmt: skip
+        effects = [effect for effect in every if not effect.together]
         ship = start.ship
         for _ in range(MOST_ROUNDS):
             settings = Settings(ship, together, effects, options.tolerance)
@@ -161,7 +162,7 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
             diagnosis,
             settings.best,
             together,
-            effects,
+            every,
             tick,
             options.tolerance,
             options.most_effects,

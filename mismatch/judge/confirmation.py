@@ -61,12 +61,14 @@ def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float
 
 
 def _resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
-    """Whether an effect fits better than at the size that the recording resolves."""
+    """Whether an effect is larger than what the recording resolves, and fits better than at that size."""
     ship, placed = fitter.trial_ship, fit.effects[which]
     parameter, size = placed.effect.parameters[0], placed.values[0]
     neutral, least = ship.neutral(parameter), ship.resolution(parameter)
     if math.isinf(neutral) or least == 0.0:
         return True
+    if abs(size - neutral) <= least:
+        return False
     least = math.copysign(least, size - neutral)
     small = placed.with_values((neutral + least, *placed.values[1:]))
     other = fitter.fitted(small.in_place_of(fit.effects, which))

@@ -86,6 +86,8 @@ class Effect:
         applies_to: what a ship must be, as its properties say: ``has_diesel``, ``has_voltage``,
             ``has_propeller``, ``has_line_shaft``, ``has_variable_pitch``, ``reverses``; beside having
             the balance and the keys. ``not moves`` is a ship without that property.
+        together: it is tried only where effects and parameters are estimated together: beside parameters
+            that are held it imitates others.
         both_ways: it shows only where the shaft turns, or is driven, both ways.
         straight: a ship that does not turn has it only where the recording does not turn either.
     """
@@ -108,6 +110,7 @@ class Effect:
     term: Term | None = None
     straight: bool = False
     both_ways: bool = False
+    together: bool = False
     excess: str = ""
 
     def on(self, ship: Ship) -> Ship:

@@ -102,6 +102,7 @@ class _Entry(FileModel):
     applies_to: tuple[str, ...] = ()
     straight: bool = False
     both_ways: bool = False
+    together: bool = False
 
     def told(self) -> dict[str, Any]:
         """What is handed on as it stands."""
