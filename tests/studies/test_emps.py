@@ -104,7 +104,7 @@ def test_diagnose_names_friction_and_offset_at_any_rate(
     few = {name: FILES[name] for name in list(FILES)[:1]}
     monkeypatch.setattr("shaftline.studies.emps.diagnosed.FILES", few)
     for row in diagnosed(runs).itertuples():
-        assert row.verdict == "explained"
+        assert row.verdict == "partly-explained"  # the encoder's noise is far below what is left
         names = [said.split()[0] for said in row.named.split(", ")]
         assert names == ["coulomb-friction", "torque-offset"]
         assert row.validation_velocity_percent < 8.0
@@ -126,6 +126,6 @@ def test_the_page_says_what_was_found(
     rows = [line.split(" | ") for line in text.splitlines() if "coulomb-friction" in line]
     verdicts = {file: {r[3] for r in rows if r[0].endswith(file)} for file in FILES}
     # friction and offset are told; with no friction in the file, the split by form is not
-    assert verdicts["no Coulomb friction, no offset"] == {"explained"}
-    assert verdicts["no friction at all, no offset"] <= {"explained", "partly-explained"}
+    assert verdicts["no Coulomb friction, no offset"] == {"partly-explained"}
+    assert verdicts["no friction at all, no offset"] == {"partly-explained"}
     assert (tmp_path / "figures" / "emps.png").stat().st_size > 20_000

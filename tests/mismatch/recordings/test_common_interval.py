@@ -39,9 +39,7 @@ def run(ship: Ship, interval_s: float, seed: int) -> pd.DataFrame:
 
 
 def test_the_faster_recording_is_brought_to_the_slower_one(rig: Ship) -> None:
-    fast, slow = (
-        load_recording(run(rig, dt, k), rig) for k, dt in enumerate((0.02, 0.05))
-    )
+    fast, slow = (load_recording(run(rig, dt, k), rig) for k, dt in enumerate((0.02, 0.05)))
     one, other = at_common_interval(rig, [fast, slow])
     assert other is slow
     assert one.interval_s == pytest.approx(slow.interval_s)
