@@ -59,6 +59,7 @@ from .search.fitting import Fitter
 from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
+from .search.transients import acts_at_rest, refuse_transient
 from .setting import Settings
 from .structure.diagnose import diagnose_structure
 
@@ -98,7 +99,7 @@ def diagnose(
     refuse_twice(options.calibrate, (*recordings, *hold_out), ANOTHER_PERIOD)
     fitted, held = len(recordings), len(hold_out)
     sources = (*recordings, *hold_out, *options.calibrate)
-    groups = load_each(file, sources, options.columns, tick, options.signals)
+    groups = load_each(file, sources, options.columns, tick, options.signals, options.steady)
     to_fit, aside = parts_of(groups[:fitted]), parts_of(groups[fitted : fitted + held])
     healthy = parts_of(groups[fitted + held :])
     together = load_jointly(file, to_fit, aside)
@@ -135,6 +136,9 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         effects = applicable(
             start.ship, columns, options.exclude, options.own_effects, turned(together.tables)
         )
+        if together.steady:
+            effects = [effect for effect in effects if acts_at_rest(start.ship, effect)]
+            refuse_transient(start.ship, start.free)
         ship = start.ship
         for _ in range(MOST_ROUNDS):
             settings = Settings(ship, together, effects, options.tolerance)

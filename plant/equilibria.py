@@ -25,7 +25,8 @@ from .shaft import shaft_inertia
 from .ship import Ship
 from .signals import SAMPLE
 from .simulation import write_sample
-from .state import STATE, Inputs, Outputs, State, get_state, set_state, with_motion, without_lags
+from .state import STATE, Inputs, Outputs, State, get_state, with_motion, without_lags
+from .steady_state import equilibrium
 from .term_kernel import outside_at
 from .ventilation import can_ventilate
 
@@ -37,6 +38,9 @@ BALANCED = 1e-11
 
 NEAR = 0.3
 """The same, below which plain Newton steps are taken from the start."""
+
+STALLED = 0.1
+"""Share of the first row's shaft speed below which the next row does not start from a row's state."""
 
 LONGEST_STEP = 0.3
 """Share of the present scale of shaft speed and ship speed by which a step may change them."""
@@ -156,7 +160,7 @@ def fill_equilibria(
     """
     leads = plant.speed_held != 0
     settles = plant.term_states > 0 or can_ventilate(plant)
-    now = get_state(state)
+    first = now = get_state(state)
     for k in range(len(drive)):
         command = min(max(drive[k], plant.drive_min), plant.drive_max)
         blade = min(max(pitch[k], plant.pitch_ratio_min), plant.pitch_ratio_max)
@@ -167,6 +171,8 @@ def fill_equilibria(
             command, pitch[k], inflow[k], 0.0, 0.0, 0.0, 0.0, elevation[k], factor, time, 0.0, 0.0,
             0.0, 0.0, outside_at(signals, k),
         )  # fmt: skip
+        if abs(now.shaft_speed) < STALLED * abs(first.shaft_speed):
+            now = first
         shaft = command if leads else now.shaft_speed
         here = with_motion(now, blade, shaft, now.ship_speed)
         if plant.term_count > 0:  # what acts on the actuator keeps the blades away from the command
@@ -184,14 +190,13 @@ def fill_equilibria(
         )
         if math.isfinite(here.shaft_speed) and math.isfinite(here.ship_speed):
             now = here
-    set_state(state, now)
 
 
 class SteadyReplay(Replay):
     """Rows of a recording, each of them an equilibrium of the ship at the inputs of that row.
 
     It has the interface of :class:`.replay.Replay`. Where several equilibria exist, that of a row is
-    the one which the ship reaches from the equilibrium of the row before. A ship that turns runs
+    the one which the ship reaches from the equilibrium of the row before, its shaft turning. A ship that turns runs
     straight ahead, her rudder amidships.
 
     Args:
@@ -231,10 +236,24 @@ class SteadyReplay(Replay):
                 raise RecordingError("inflow_velocity_m_s asks for ship_speed_m_s beside it")
             self._speed = self._column("ship_speed_m_s")
         self.channels = [column for column in answered_columns(ship) if column in table]
-        self.start = self._first_state(1)
+        self.start = self._running_state()
         self._beside = {}
         heard = (name for name in ship.signals if name in table)
         self.signals = ship.outside_rows({name: self._column(name) for name in heard})
+
+    def _running_state(self) -> tuple[float, float, float]:
+        """Return pitch ratio, shaft speed and ship speed of a running ship at the first row's inputs.
+
+        A first row that was recorded wrongly may be near a stalled engine's equilibrium.
+        """
+        heard = {name: float(self._column(name)[0]) for name in self.ship.hears}
+        try:
+            state = equilibrium(
+                self.ship, float(self.drive[0]), float(self.pitch[0]), signals=heard
+            ).state
+        except ValueError:  # none with the shaft turning ahead
+            return self._first_state(1)
+        return float(state.pitch_ratio), float(state.shaft_speed), float(state.ship_speed)
 
     def inflow(self, plant: Any) -> NDArray[np.float64]:
         """Return the disturbance of the advance velocity [m/s] at the rows, shape (rows,)."""

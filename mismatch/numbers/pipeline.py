@@ -106,7 +106,7 @@ def identify(
         return unjudged(method, ship, found, left_out)
     together = load_jointly(ship, recordings, hold_out, columns, tick)
     with threadpool_limits(1, "blas"):
-        balances = Balances(JointReplay(ship, *together.tables))
+        balances = Balances(JointReplay(ship, *together.tables, steady=together.steady))
         parts = METHODS[method].cut or together.held_out
         train, held = (
             set_aside(balances.replay, together.held_out)[0]

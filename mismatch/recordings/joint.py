@@ -40,6 +40,7 @@ class JointRecordings:
         limits: why they may not decide.
         warnings: what was noticed about them.
         signals: units of what terms may hear in all of them, by name.
+        steady: whether each row is an equilibrium at the inputs of that row.
     """
 
     tables: tuple[pd.DataFrame, ...]
@@ -47,6 +48,7 @@ class JointRecordings:
     limits: list[str]
     warnings: list[str]
     signals: dict[str, str]
+    steady: bool = False
 
 
 def load_jointly(
@@ -81,11 +83,26 @@ def load_jointly(
     to_fit, aside = parts_of(groups[: len(fitted)]), parts_of(groups[len(fitted) :])
     loaded = to_fit + aside
     refuse_few(to_fit)
+    _refuse_mixed(loaded)
     refuse_overlap(loaded, NOT_TWICE)
     limits, warnings = _said(to_fit, loaded, ship)
     heard = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
-    return JointRecordings(tables, len(aside), limits, warnings, heard)
+    return JointRecordings(tables, len(aside), limits, warnings, heard, loaded[0].steady)
+
+
+def _refuse_mixed(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings of which some have rows that are equilibria and some have not.
+
+    Raises:
+        RecordingError: names one of each.
+    """
+    kinds = {recording.steady: recording.source for recording in recordings}
+    if len(kinds) > 1:
+        raise RecordingError(
+            f"{kinds[True]} has rows that are equilibria, {kinds[False]} has rows that follow the ship's "
+            "motion; diagnose them apart, or say --steady where all rows are equilibria"
+        )
 
 
 def refuse_few(recordings: Sequence[Recording]) -> None:
@@ -139,6 +156,7 @@ def load_each(
     columns: str | Path | None = None,
     tick: Tick = silent,
     signals: Mapping[str, str] = MappingProxyType({}),
+    steady: bool = False,
 ) -> list[list[Recording]]:
     """Read and check recordings, each for itself; one with long gaps is cut there into several.
 
@@ -148,6 +166,7 @@ def load_each(
         columns: column map of the files, or none.
         tick: told how many are read.
         signals: as of :func:`load_jointly`.
+        steady: whether each row is an equilibrium, as of :func:`.load.load_recording`.
 
     Returns:
         The parts of each source.
@@ -165,7 +184,7 @@ def load_each(
         else:
             numbered += isinstance(source, pd.DataFrame)
             name = f"{TABLE} {numbered}" if tables > 1 else TABLE
-            found = load_parts(source, ship, columns, signals, name)
+            found = load_parts(source, ship, columns, signals, name, steady)
         for recording in found:
             if len(recording) < LEAST_OF_ONE:
                 raise RecordingError(

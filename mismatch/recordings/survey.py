@@ -130,13 +130,16 @@ class Survey:
         return float("nan") if found is None else found.white_rms
 
 
-def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> Survey:
+def survey(
+    path: str | Path, ship: Ship, columns: str | Path | None = None, steady: bool = False
+) -> Survey:
     """Look at a recording without diagnosing it.
 
     Args:
         path: as of :func:`.load_recording`.
         ship: the nominal ship.
         columns: column map, or none.
+        steady: whether each row is an equilibrium, as of :func:`.load.load_recording`.
 
     Raises:
         RecordingError: the column map cannot be used, or the file cannot be read at all.
@@ -148,7 +151,7 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     recording, refused = None, ""
     odd: tuple[str, ...] = ()
     try:
-        found = load_parts(path, ship, columns, OUTSIDE)  # as a diagnosis hears them
+        found = load_parts(path, ship, columns, OUTSIDE, steady=steady)  # as a diagnosis hears them
         refuse_few(found)
         recording = replace(
             found[0], table=pd.concat([part.table for part in found], ignore_index=True),

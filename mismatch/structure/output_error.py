@@ -90,6 +90,8 @@ class OutputError:
             START["shaft_speed"] * shaft if ship.turns_freely else 0.0,
             START["ship_speed"] if ship.moves else 0.0,
         ]
+        if self.replay.steady:  # an equilibrium depends on no first state
+            start = [0.0, 0.0, 0.0]
         self.starts = np.tile(start, len(self.replay.runs))
         self.measured = np.array([self.replay.recorded[c] for c in self.names])
         self._largest = DIVERGED * np.abs(self.measured).max(axis=1) + 1.0
@@ -117,7 +119,7 @@ class OutputError:
         values = self._bounded(found)
         slopes = np.zeros_like(values)
         for a, b in self.replay.segments:
-            if b - a > 1:
+            if b - a > 1 and not self.replay.steady:
                 slopes[:, a:b] = np.gradient(values[:, a:b], axis=1)
         return values + nuisance[len(self.starts) :, None] * slopes, slopes
 
@@ -175,8 +177,10 @@ class OutputError:
     def nuisance_precision(self) -> Floats:
         """Return the precision of each nuisance value's prior; :data:`FIXED` of one that cannot move."""
         starts = np.where(self.starts > 0.0, START_PRECISION, FIXED)
-        skew = SKEW_ROWS / self.replay.every
-        return np.concatenate([starts, np.full(len(self.names), skew**-2.0)])
+        skew = (SKEW_ROWS / self.replay.every) ** -2.0
+        if self.replay.steady:  # rows that stand for themselves have no clock
+            skew = FIXED
+        return np.concatenate([starts, np.full(len(self.names), skew)])
 
     def fit_near_file(self, model: Model, which: Collection[int] | None = None) -> Model:
         """Fit a model with parameters held within the file's tolerances.
