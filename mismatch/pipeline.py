@@ -59,7 +59,7 @@ from .search.fitting import Fitter
 from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
-from .search.transients import acts_at_rest, refuse_transient
+from .search.transients import refuse_transient
 from .setting import Settings
 from .structure.diagnose import diagnose_structure
 
@@ -124,7 +124,10 @@ def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:
     """
     if not options.calibrate:
         return widened(ship, options.free)
-    healthy, tolerance = options.calibrate, options.tolerance
+    sources, tolerance = options.calibrate, options.tolerance
+    healthy = parts_of(
+        load_each(ship, sources, options.columns, tick, options.signals, options.steady)
+    )
     return calibrated(ship, healthy, options.free, options.columns, tolerance, tick)
 
 
@@ -134,10 +137,10 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         start = replace(start, ship=options.hearing(start.ship, together.signals))
         columns = set(together.tables[0].columns)
         effects = applicable(
-            start.ship, columns, options.exclude, options.own_effects, turned(together.tables)
-        )
+            start.ship, columns, options.exclude, options.own_effects, turned(together.tables),
+            together.steady,
+        )  # fmt: skip
         if together.steady:
-            effects = [effect for effect in effects if acts_at_rest(start.ship, effect)]
             refuse_transient(start.ship, start.free)
         ship = start.ship
         for _ in range(MOST_ROUNDS):

@@ -26,8 +26,9 @@ from ...plant.ship import Ship
 from .noise import row_noise
 from .spikes import spikes
 
-SETTLED = 3.0
-"""Surge time constants of the ship between two rows from which on each row is an equilibrium."""
+SETTLED = 2.0
+"""Surge time constants of the ship between two rows from which on each row is an equilibrium. The thrust
+falls with the ship's speed as well, so that she settles nearly twice as fast as this constant says."""
 
 NO_EQUILIBRIUM = frozenset({SHAFT_ANGLE, RUDDER_COMMAND, *IN_A_TURN})
 """Columns that an equilibrium straight ahead does not have."""

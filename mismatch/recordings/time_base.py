@@ -236,10 +236,12 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
         )
     usual = float(np.median(steps))
     if not _FASTEST_S * (1.0 - _EVEN) <= usual <= _SLOWEST_S:
+        slow = usual > _SLOWEST_S
+        steady = "; if the ship ran steadily at each row, say --steady (steady=True)" if slow else ""
         raise RecordingError(
             f"{path}: {TIME} steps by {usual:.4g} s from row to row; allowed: {_FASTEST_S:g} to "
-            f"{_SLOWEST_S:g} s; if it counts another unit, say so in the column map (unit = "
-            f'"{"ms" if usual > _SLOWEST_S else "day"}", for example)'
+            f"{_SLOWEST_S:g} s, or slower than the ship settles{steady}; if it counts another unit, say "
+            f'so in the column map (unit = "{"ms" if slow else "day"}", for example)'
         )
     gaps = np.flatnonzero(steps > 1.5 * usual)
     long = gaps[steps[gaps] > (LONGEST_GAP + 1.5) * usual]

@@ -11,9 +11,11 @@ import functools
 import importlib.resources
 from collections.abc import Iterable
 
+from ...plant.columns import SHAFT_POWER
 from ...plant.ship import Ship
 from .effect import Effect
 from .entries import entries_of
+from .transients import acts_at_rest
 
 
 @functools.cache
@@ -35,6 +37,7 @@ def applicable(
     exclude: Iterable[str] = (),
     own: Iterable[Effect] = (),
     turned: bool = False,
+    steady: bool = False,
 ) -> list[Effect]:
     """Entries that a ship can have and a recording could show.
 
@@ -44,11 +47,14 @@ def applicable(
         exclude: ids to leave out.
         own: entries besides the catalogue's.
         turned: whether the recording turns.
+        steady: whether each row is an equilibrium, where effects of transients do not show.
 
     Raises:
         ValueError: an id to leave out is unknown.
     """
     known, left_out = set(columns), set(exclude)
+    if SHAFT_POWER in known:  # it is measured torque times shaft speed
+        known.add("shaft_torque_N_m")
     everything = [*catalogue(), *own]
     unknown = left_out - {effect.id for effect in everything}
     if unknown:
@@ -61,4 +67,5 @@ def applicable(
         and set(effect.needs) <= known
         and effect.acts_on(ship)
         and not (effect.straight and turned and not ship.turns)
+        and (acts_at_rest(ship, effect) or not steady)
     ]
