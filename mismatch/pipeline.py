@@ -52,6 +52,12 @@ from .recordings.joint import (
     parts_of,
     refuse_twice,
 )
+from .recordings.led_by_speed import (
+    NoDriveCommandError,
+    led_by_speed,
+    remark_on,
+    with_drive_of,
+)
 from .recordings.loading import turned
 from .recordings.overlap import refuse_shared
 from .search.catalogue import applicable
@@ -93,6 +99,35 @@ def diagnose(
         FileNotFoundError: a recording of the healthy period that is not there.
         ShipError: a ship that cannot be simulated.
     """
+    begun = ship if isinstance(ship, Start) else Start(ship, ship)
+    try:
+        return _read_and_diagnosed(ship, recordings, hold_out, options, tick)
+    except NoDriveCommandError:
+        led = _led(begun)
+        found = _read_and_diagnosed(
+            led if isinstance(ship, Start) else led.file, recordings, hold_out, options, tick
+        )
+    return replace(
+        found, ship=begun.ship, corrected=with_drive_of(found.corrected, begun.file),
+        warnings=[remark_on(begun.file), *found.warnings],
+    )  # fmt: skip
+
+
+def _led(start: Start) -> Start:
+    """Return a start whose ships are led by the recorded shaft speed."""
+    calibrated = tuple(key for key in start.calibrated if not key.startswith("prime_mover."))
+    ships = led_by_speed(start.file), led_by_speed(start.ship)
+    return replace(start, file=ships[0], ship=ships[1], calibrated=calibrated)
+
+
+def _read_and_diagnosed(
+    ship: Ship | Start,
+    recordings: Sequence[Recorded],
+    hold_out: Sequence[Recorded],
+    options: Options,
+    tick: Tick,
+) -> Diagnosis:
+    """Return the diagnosis of recordings that are read with a ship's own drive."""
     file = ship.file if isinstance(ship, Start) else ship
     options.check(file)
     refuse_twice((*recordings, *hold_out))

@@ -38,6 +38,7 @@ from .checks import (
     too_short,
 )
 from .columns import load_map
+from .led_by_speed import refuse_without_drive
 from .noise import Noise, describe, describe_command
 from .slips import demands, impossible_demands, ranges_of
 from .spikes import without_spikes
@@ -199,6 +200,7 @@ def checked(
     if steady:
         turning = SHAFT_SPEED
         warnings.append(why_steady(ship, raw, time, asked))
+        refuse_without_drive(path, raw, ship)
     foreign = foreign_columns(ship) | (NO_EQUILIBRIUM if steady else set())
     told = turning in raw or not {SHAFT_POWER, ELECTRIC_POWER} & set(raw) - foreign
     required = list(dict.fromkeys([*input_columns(ship), *([turning] * told), *ship.hears]))

@@ -26,6 +26,7 @@ from .remarks import remarks
 from .sentences import sentence
 from .text import CONSTANT
 from .wording import (
+    DAY_S,
     breakable,
     channel_name,
     effect_words,
@@ -35,6 +36,7 @@ from .wording import (
     scaled,
     span,
     spans,
+    time_unit,
 )
 
 _WORDS = {
@@ -172,6 +174,8 @@ def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
     time, held = diagnosis.time_s, diagnosis.held_out
     duration, step = float(time[-1]), figures.interval(diagnosis)
     minutes = f" ({duration / 60.0:.0f} min)" if duration >= 120.0 else ""
+    if time_unit(duration)[1] != "s":
+        minutes = f" ({duration / DAY_S:.1f} days)"
     facts = [
         ("Ship", diagnosis.ship.name),
         ("Recording", f"{duration:.0f} s{minutes}, {len(time)} rows, one every {step:.3g} s"),

@@ -9,6 +9,7 @@ from ..outcome import Outcome
 from .formulas import formula_lines
 from .numbers import table_rows, wrong_of, wrong_words
 from .sentences import sentence
+from .wording import span
 
 CONSTANT = "constant: no FitPercent"
 
@@ -57,7 +58,7 @@ def summary(diagnosis: Outcome) -> str:
         )
     if any(b.verdict != NOTHING for b in diagnosis.balance_verdicts):
         parts.append("Balance by balance\n" + aligned(_balances(diagnosis), ("explained",)))
-    held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
+    held = ", ".join(span(a, b) for a, b in diagnosis.held_out)
     parts.append(
         "FitPercent, 100 is perfect\n"
         + aligned(_fits(diagnosis), ("before", "after"))
