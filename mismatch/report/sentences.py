@@ -21,7 +21,7 @@ def between(windows: list[tuple[float, float]]) -> str:
     """Windows in words."""
     if not windows:
         return ""
-    parts = [span(a, b, "and") for a, b in windows[:3]]
+    parts = [span(a, b, "and", whole=True) for a, b in windows[:3]]
     more = f", and in {len(windows) - 3} more windows" if len(windows) > 3 else ""
     return "between " + ", between ".join(parts) + more
 

@@ -58,7 +58,7 @@ def summary(diagnosis: Outcome) -> str:
         )
     if any(b.verdict != NOTHING for b in diagnosis.balance_verdicts):
         parts.append("Balance by balance\n" + aligned(_balances(diagnosis), ("explained",)))
-    held = ", ".join(span(a, b) for a, b in diagnosis.held_out)
+    held = ", ".join(span(a, b, whole=True) for a, b in diagnosis.held_out)
     parts.append(
         "FitPercent, 100 is perfect\n"
         + aligned(_fits(diagnosis), ("before", "after"))

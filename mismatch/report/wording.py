@@ -87,10 +87,17 @@ def time_unit(longest: float) -> tuple[float, str]:
     return (DAY_S, "days") if longest >= DAYS * DAY_S else (1.0, "s")
 
 
-def span(start: float, end: float, word: str = "to") -> str:
-    """A stretch of time: in whole seconds unless it is short, in days if it ends after :data:`DAYS`."""
+def span(start: float, end: float, word: str = "to", whole: bool = False) -> str:
+    """A stretch of time: in whole seconds unless it is short, in days if it ends after :data:`DAYS`.
+
+    Args:
+        start: [s].
+        end: [s].
+        word: between the two.
+        whole: whether seconds are whole however short the stretch is.
+    """
     size, unit = time_unit(end)
-    digits = 0 if size == 1.0 and end - start >= 20.0 else 1
+    digits = 0 if size == 1.0 and (whole or end - start >= 20.0) else 1
     return f"{start / size:.{digits}f} {word} {end / size:.{digits}f} {unit}"
 
 
