@@ -18,8 +18,8 @@ from threadpoolctl import threadpool_limits
 from ..plant.ship import Ship
 from .diagnosis import Diagnosis
 from .judge.confirmation import confirmed, only, settled_edges, with_rivals
-from .judge.correction import FreeRunning, corrected_ship, followed
-from .judge.findings import Finding, detectable_effects, findings_of, shown_in
+from .judge.correction import FreeRunning, corrected_ship, followed, not_carried
+from .judge.findings import detectable_effects, findings_of, shown_in
 from .judge.fit import fits
 from .judge.held_out import HeldOut, Segments
 from .judge.instead import formula_instead, refuted
@@ -40,7 +40,7 @@ from .judge.verdict import (
 from .judge.whiteness import Whiteness
 from .numbers.calibration import calibrated
 from .numbers.moved import MOST_ROUNDS, Numbers
-from .numbers.start import Start, widened
+from .numbers.start import Start, led_start, widened
 from .numbers.wrong import wrong_numbers
 from .options import Options
 from .progress import Tick, silent
@@ -52,12 +52,7 @@ from .recordings.joint import (
     parts_of,
     refuse_twice,
 )
-from .recordings.led_by_speed import (
-    NoDriveCommandError,
-    led_by_speed,
-    remark_on,
-    with_drive_of,
-)
+from .recordings.led_by_speed import NoDriveCommandError, remark_on, with_drive_of
 from .recordings.loading import turned
 from .recordings.overlap import refuse_shared
 from .search.catalogue import applicable
@@ -103,7 +98,7 @@ def diagnose(
     try:
         return _read_and_diagnosed(ship, recordings, hold_out, options, tick)
     except NoDriveCommandError:
-        led = _led(begun)
+        led = led_start(begun)
         found = _read_and_diagnosed(
             led if isinstance(ship, Start) else led.file, recordings, hold_out, options, tick
         )
@@ -111,13 +106,6 @@ def diagnose(
         found, ship=begun.ship, corrected=with_drive_of(found.corrected, begun.file),
         warnings=[remark_on(begun.file), *found.warnings],
     )  # fmt: skip
-
-
-def _led(start: Start) -> Start:
-    """Return a start whose ships are led by the recorded shaft speed."""
-    calibrated = tuple(key for key in start.calibrated if not key.startswith("prime_mover."))
-    ships = led_by_speed(start.file), led_by_speed(start.ship)
-    return replace(start, file=ships[0], ship=ships[1], calibrated=calibrated)
 
 
 def _read_and_diagnosed(
@@ -260,7 +248,7 @@ def _judged(
         first = as_well(judge(spelled.record()) - start, other - start)
         candidates.insert(0 if first else 1, spelled)
     corrected, gain, spoilt = corrected_ship(ship, candidates, judge, free)
-    warnings = _not_carried(findings, corrected == ship, spoilt)
+    warnings = not_carried(spoilt) if findings and corrected == ship else []
     # with all signals of the replay, for a record hears them by their place
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     if corrected.signals:
@@ -352,14 +340,6 @@ def _verdict(
         return told
     held = said(only(selection, fitter, sure), True)
     return held if held[1].name == PARTLY else told
-
-
-def _not_carried(findings: list[Finding], nominal: bool, spoilt: list[str]) -> list[str]:
-    """A warning where what was named is not in the corrected ship."""
-    if not findings or not nominal:
-        return []
-    why = f"it follows {', '.join(spoilt)} worse" if spoilt else "it gains nothing"
-    return [f"the corrected ship is the nominal one: with what is named, run freely, {why}"]
 
 
 def _located(shape: Shape, fitter: Fitter) -> tuple[list[Window], str]:

@@ -1,8 +1,8 @@
 """Rows that are slower than the ship: each is an equilibrium of the ship at the inputs of that row.
 
-Logs of ships in service have a row every ten minutes, hour or day. Between two such rows the shaft and the
-hull settle many times over, so a row depends on its own inputs and on no other row. Inertia, mass, lags
-and delays do not act.
+Logs of ships in service have a row every ten minutes, hour or day. Between two such rows the shaft and
+the hull settle many times over, so a row depends on its own inputs and on no other row. Inertia, mass,
+lags and delays do not act.
 """
 
 from __future__ import annotations
@@ -196,8 +196,8 @@ class SteadyReplay(Replay):
     """Rows of a recording, each of them an equilibrium of the ship at the inputs of that row.
 
     It has the interface of :class:`.replay.Replay`. Where several equilibria exist, that of a row is
-    the one which the ship reaches from the equilibrium of the row before, its shaft turning. A ship that turns runs
-    straight ahead, her rudder amidships.
+    the one which the ship reaches from the equilibrium of the row before, its shaft turning. A ship that
+    turns runs straight ahead, her rudder amidships.
 
     Args:
         ship: the ship.

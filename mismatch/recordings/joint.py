@@ -100,8 +100,8 @@ def _refuse_mixed(recordings: Sequence[Recording]) -> None:
     kinds = {recording.steady: recording.source for recording in recordings}
     if len(kinds) > 1:
         raise RecordingError(
-            f"{kinds[True]} has rows that are equilibria, {kinds[False]} has rows that follow the ship's "
-            "motion; diagnose them apart, or say --steady where all rows are equilibria"
+            f"{kinds[True]} has rows that are equilibria, {kinds[False]} has rows that follow the "
+            "ship's motion; diagnose them apart, or say --steady where all rows are equilibria"
         )
 
 

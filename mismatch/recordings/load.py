@@ -52,7 +52,7 @@ from .steady_rows import (
     why_steady,
     without_outliers,
 )
-from .time_base import filled, on_even_time, spread, with_seconds
+from .time_base import filled, on_even_time, spread, times_of, with_seconds
 from .yardstick import Yardstick
 
 OUTSIDE = {
@@ -158,12 +158,6 @@ def load_recording(
     refuse_other_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
     return checked(path, *read_mapped(source, ship, columns, name), ship, signals, steady)
-
-
-def times_of(path: Path, raw: pd.DataFrame) -> NDArray[np.float64]:
-    """Return the time of each row [s], shape (rows,); NaN where it is no number, empty without a time."""
-    time = with_seconds(path, raw)[0].get(TIME, pd.Series(dtype=float))
-    return pd.to_numeric(time, errors="coerce").to_numpy(dtype=np.float64)
 
 
 def checked(

@@ -10,9 +10,9 @@ from types import MappingProxyType
 import pandas as pd
 
 from ...plant.ship import Ship
-from .load import TABLE, Recording, checked, read_mapped, refuse_other_types, times_of
+from .load import TABLE, Recording, checked, read_mapped, refuse_other_types
 from .steady_rows import rows_are_steady
-from .time_base import LEAST_OF_ONE, parts
+from .time_base import LEAST_OF_ONE, parts, times_of
 
 CUT = "the recording was cut"
 """How the remark on the gaps begins."""

@@ -113,7 +113,9 @@ def complete_rows(
         c for c in known if c not in (TIME, *required) and table[c].isna().mean() > _MOSTLY
     ]  # fmt: skip
     for column in sparse:
-        said.append(f"{column} has no value in {table[column].isna().mean():.0%} of the rows; left out")
+        said.append(
+            f"{column} has no value in {table[column].isna().mean():.0%} of the rows; left out"
+        )
     known = [column for column in known if column not in sparse]
     missing = table[known].isna().any(axis=1)
     again = table[TIME].duplicated() & ~missing if TIME in table else pd.Series(False, table.index)
@@ -129,9 +131,7 @@ def complete_rows(
     return kept.reset_index(drop=True), said
 
 
-def running_rows(
-    path: Path, table: pd.DataFrame, ship: Ship
-) -> tuple[pd.DataFrame, list[str]]:
+def running_rows(path: Path, table: pd.DataFrame, ship: Ship) -> tuple[pd.DataFrame, list[str]]:
     """Return the rows in which the ship runs ahead, on an even time base of rows, and remarks.
 
     Args:

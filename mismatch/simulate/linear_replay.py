@@ -48,7 +48,9 @@ class LinearReplay(JointReplay):
         self, ship: Any, *tables: Any, line: bool = False, every: int = 1, steady: bool = False
     ) -> None:
         if steady:
-            raise ValueError(f"{ship.name}: rows that are equilibria are not replayed by a linear model")
+            raise ValueError(
+                f"{ship.name}: rows that are equilibria are not replayed by a linear model"
+            )
         if ship.turns:
             raise ValueError(
                 f"{ship.name}: a ship that turns has no linear model to be fitted here"

@@ -59,4 +59,6 @@ def test_noise_is_not_what_the_orders_move_from_row_to_row() -> None:
 
 def test_equilibria_and_motion_are_not_fitted_together() -> None:
     with pytest.raises(RecordingError, match="has rows that are equilibria"):
-        diagnose(load_ship("frigate"), service_log("frigate", rows=60), frigate_voyage(seconds=60.0))
+        diagnose(
+            load_ship("frigate"), service_log("frigate", rows=60), frigate_voyage(seconds=60.0)
+        )
