@@ -12,7 +12,7 @@ from .. import display
 from ..core.files import check_writable, write_text
 from ..mismatch.recordings.survey import survey
 from ..plant import load_ship
-from .console import BelievedShip, ColumnMap, clear_errors, print_table, say
+from .console import BelievedShip, ColumnMap, SteadyRows, clear_errors, print_table, say
 
 REFUSED = 2
 """Exit code where the recording cannot be used as it is."""
@@ -28,6 +28,7 @@ def check(
     ],
     ship: BelievedShip,
     columns: ColumnMap = None,
+    steady: SteadyRows = False,
     draft: Annotated[
         Path | None,
         typer.Option(
@@ -69,7 +70,7 @@ def check(
                 "the command is called, which is a folder"
             )
         vessel = load_ship(ship)
-        found = survey(recording, vessel, columns)
+        found = survey(recording, vessel, columns, steady)
         print_table(pd.DataFrame(found.table()), f"{recording} on {vessel.name}")
         for sentence in found.sentences():
             say(sentence)

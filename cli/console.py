@@ -60,6 +60,16 @@ ColumnMap = Annotated[
 ]
 """``--columns`` of the same."""
 
+SteadyRows = Annotated[
+    bool,
+    typer.Option(
+        "--steady",
+        help="Take each row as an equilibrium of the ship at the inputs of that row.",
+        show_default="where rows are slower than the ship",
+    ),
+]
+"""``--steady`` of the same."""
+
 OwnHeight = Annotated[
     float | None,
     typer.Option("--hs", help="Significant height [m] of a sea of your own, with --tp."),

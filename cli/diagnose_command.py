@@ -20,6 +20,7 @@ from .console import (
     Backend,
     BelievedShip,
     ColumnMap,
+    SteadyRows,
     check_folder,
     clear_errors,
     progress,
@@ -106,6 +107,7 @@ def diagnose(
             "together where the first one leaves a residual, and takes up to two minutes.",
         ),
     ] = False,
+    steady: SteadyRows = False,
     jobs: Annotated[
         int | None,
         typer.Option(
@@ -148,6 +150,10 @@ def diagnose(
     `shaft_speed_rad_s` (or `shaft_angle_rad`), and tells more with `shaft_torque_N_m`,
     `ship_speed_m_s`, `pitch_ratio`; see docs/recordings.md. Ten samples a second over 20 minutes with
     steps of rack and pitch is good.
+
+    Logs of ships in service have a row every ten minutes, hour or day. Rows that are slower than the
+    ship are each taken as an equilibrium at the inputs of that row, and effects that act in transients
+    are left out; `--steady` asks for it.
 
     A wrong number looks like missing physics. So the report tells which numbers moved inside their
     tolerances, and whether a wrong one would explain the difference as well as the effect that is
@@ -218,7 +224,7 @@ def diagnose(
         keys = tuple(key.strip() for key in free.split(",") if key.strip())
         options = Options(
             columns, tuple(exclude or ()), tolerance, tuple(calibrate or ()), keys,
-            tuple(effects or ()), quick=quick,
+            tuple(effects or ()), quick=quick, steady=steady,
         )  # fmt: skip
         options.check(vessel)
         folders = [path for path in recordings if path.is_dir()]

@@ -141,6 +141,7 @@ def _name(place: str, path: Path, start: Start, options: Options) -> str:
     """File name of a cell; differs where the recording, the ship, an option or the tool differs."""
     digest = hashlib.sha256(path.read_bytes())
     said = [repr(start), repr(sorted(options.exclude)), repr(options.tolerance)]
+    said.append(repr(options.steady))
     files = [*([options.columns] if options.columns else []), *options.effects]
     said += [Path(file).read_text(encoding="utf-8") for file in files]
     for text in (*said, source_digest("core", "plant", "mismatch")):

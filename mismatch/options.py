@@ -32,6 +32,8 @@ class Options:
         quick: whether effects and parameters are not estimated together
             (:mod:`shaftline.mismatch.structure`) where the first search leaves a residual, which takes
             up to two minutes.
+        steady: whether each row is an equilibrium of the ship at the inputs of that row; where rows are
+            slower than the ship they are taken so in any case.
         free: dotted keys of the numbers that are found on them, or, without any such recording, that
             move widely beside the effects; without any key, a healthy period tells what it can.
     """
@@ -44,6 +46,7 @@ class Options:
     effects: tuple[str | Path, ...] = ()
     most_effects: int | None = None
     quick: bool = False
+    steady: bool = False
 
     @functools.cached_property
     def own_effects(self) -> tuple[Effect, ...]:

@@ -102,4 +102,4 @@ class Outcome:
         """Whether each row was set aside, shape (rows,)."""
         half = 0.5 * float(self.time_s[1] - self.time_s[0])
         inside = [(self.time_s > a - half) & (self.time_s < b - half) for a, b in self.held_out]
-        return np.any(inside, axis=0)
+        return np.asarray(np.any(inside, axis=0))

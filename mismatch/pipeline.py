@@ -18,8 +18,8 @@ from threadpoolctl import threadpool_limits
 from ..plant.ship import Ship
 from .diagnosis import Diagnosis
 from .judge.confirmation import confirmed, only, settled_edges, with_rivals
-from .judge.correction import FreeRunning, corrected_ship, followed
-from .judge.findings import Finding, detectable_effects, findings_of, shown_in
+from .judge.correction import FreeRunning, corrected_ship, followed, not_carried
+from .judge.findings import detectable_effects, findings_of, shown_in
 from .judge.fit import fits
 from .judge.held_out import HeldOut, Segments
 from .judge.instead import formula_instead, refuted
@@ -40,7 +40,7 @@ from .judge.verdict import (
 from .judge.whiteness import Whiteness
 from .numbers.calibration import calibrated
 from .numbers.moved import MOST_ROUNDS, Numbers
-from .numbers.start import Start, widened
+from .numbers.start import Start, led_start, widened
 from .numbers.wrong import wrong_numbers
 from .options import Options
 from .progress import Tick, silent
@@ -52,6 +52,7 @@ from .recordings.joint import (
     parts_of,
     refuse_twice,
 )
+from .recordings.led_by_speed import NoDriveCommandError, remark_on, with_drive_of
 from .recordings.loading import one_way, turned
 from .recordings.overlap import refuse_shared
 from .search.catalogue import applicable
@@ -59,6 +60,7 @@ from .search.fitting import Fitter
 from .search.formulas import Formula, as_well, formula_of
 from .search.placed import Window
 from .search.selection import Selection, Selector
+from .search.transients import refuse_transient
 from .setting import Settings
 from .structure.diagnose import diagnose_structure
 
@@ -92,13 +94,35 @@ def diagnose(
         FileNotFoundError: a recording of the healthy period that is not there.
         ShipError: a ship that cannot be simulated.
     """
+    begun = ship if isinstance(ship, Start) else Start(ship, ship)
+    try:
+        return _read_and_diagnosed(ship, recordings, hold_out, options, tick)
+    except NoDriveCommandError:
+        led = led_start(begun)
+        found = _read_and_diagnosed(
+            led if isinstance(ship, Start) else led.file, recordings, hold_out, options, tick
+        )
+    return replace(
+        found, ship=begun.ship, corrected=with_drive_of(found.corrected, begun.file),
+        warnings=[remark_on(begun.file), *found.warnings],
+    )  # fmt: skip
+
+
+def _read_and_diagnosed(
+    ship: Ship | Start,
+    recordings: Sequence[Recorded],
+    hold_out: Sequence[Recorded],
+    options: Options,
+    tick: Tick,
+) -> Diagnosis:
+    """Return the diagnosis of recordings that are read with a ship's own drive."""
     file = ship.file if isinstance(ship, Start) else ship
     options.check(file)
     refuse_twice((*recordings, *hold_out))
     refuse_twice(options.calibrate, (*recordings, *hold_out), ANOTHER_PERIOD)
     fitted, held = len(recordings), len(hold_out)
     sources = (*recordings, *hold_out, *options.calibrate)
-    groups = load_each(file, sources, options.columns, tick, options.signals)
+    groups = load_each(file, sources, options.columns, tick, options.signals, options.steady)
     to_fit, aside = parts_of(groups[:fitted]), parts_of(groups[fitted : fitted + held])
     healthy = parts_of(groups[fitted + held :])
     together = load_jointly(file, to_fit, aside)
@@ -123,7 +147,10 @@ def begin(ship: Ship, options: Options, tick: Tick = silent) -> Start:
     """
     if not options.calibrate:
         return widened(ship, options.free)
-    healthy, tolerance = options.calibrate, options.tolerance
+    sources, tolerance = options.calibrate, options.tolerance
+    healthy = parts_of(
+        load_each(ship, sources, options.columns, tick, options.signals, options.steady)
+    )
     return calibrated(ship, healthy, options.free, options.columns, tolerance, tick)
 
 
@@ -135,9 +162,11 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         tables = together.tables
         every = applicable(
             start.ship, columns, options.exclude, options.own_effects,
-            turned(tables), one_way(start.ship, tables),
+            turned(tables), one_way(start.ship, tables), together.steady,
         )  # fmt: skip
         effects = [effect for effect in every if not effect.together]
+        if together.steady:
+            refuse_transient(start.ship, start.free)
         ship = start.ship
         for _ in range(MOST_ROUNDS):
             settings = Settings(ship, together, effects, options.tolerance)
@@ -159,14 +188,9 @@ def _diagnosed(start: Start, together: JointRecordings, options: Options, tick: 
         if options.quick or start.free:
             return diagnosis
         return diagnose_structure(
-            diagnosis,
-            settings.best,
-            together,
-            every,
-            tick,
-            options.tolerance,
+            diagnosis, settings.best, together, every, tick, options.tolerance,
             options.most_effects,
-        )
+        )  # fmt: skip
 
 
 def _judged(
@@ -223,7 +247,7 @@ def _judged(
         first = as_well(judge(spelled.record()) - start, other - start)
         candidates.insert(0 if first else 1, spelled)
     corrected, gain, spoilt = corrected_ship(ship, candidates, judge, free)
-    warnings = _not_carried(findings, corrected == ship, spoilt)
+    warnings = not_carried(spoilt) if findings and corrected == ship else []
     # with all signals of the replay, for a record hears them by their place
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     if corrected.signals:
@@ -234,13 +258,12 @@ def _judged(
         for column in measured
         if column not in fit_before
     ]
-    interval = replay.interval_s
     return Diagnosis(
         verdict=verdict.name,
         ship=ship,
         corrected=corrected,
         time_s=replay.time_s,
-        held_out=[(a * interval, b * interval) for a, b in held],
+        held_out=[(a * replay.interval_s, b * replay.interval_s) for a, b in held],
         drive=replay.drive_rows,
         measured=measured,
         before=before,
@@ -315,14 +338,6 @@ def _verdict(
         return told
     held = said(only(selection, fitter, sure), True)
     return held if held[1].name == PARTLY else told
-
-
-def _not_carried(findings: list[Finding], nominal: bool, spoilt: list[str]) -> list[str]:
-    """A warning where what was named is not in the corrected ship."""
-    if not findings or not nominal:
-        return []
-    why = f"it follows {', '.join(spoilt)} worse" if spoilt else "it gains nothing"
-    return [f"the corrected ship is the nominal one: with what is named, run freely, {why}"]
 
 
 def _located(shape: Shape, fitter: Fitter) -> tuple[list[Window], str]:

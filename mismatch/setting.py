@@ -79,17 +79,18 @@ class Settings:
     def __init__(
         self, ship: Ship, together: JointRecordings, effects: list[Effect], tolerance: float
     ) -> None:
-        balances = Balances(JointReplay(ship, *together.tables))
+        balances = Balances(JointReplay(ship, *together.tables, steady=together.steady))
         replay = balances.replay
         part = set_aside(replay, together.held_out)[0][0]
         highest = catalogue_hertz(balances, effects, part)
         every = rows_averaged(replay.interval_s, highest)
         if every > 1:
-            balances = Balances(JointReplay(ship, *together.tables, every=every))
+            averaged = JointReplay(ship, *together.tables, every=every, steady=together.steady)
+            balances = Balances(averaged)
         first = Setting(*_parted(balances, together.held_out, tolerance, highest))
         self.tried = [first]
         self._gain, self._settled, self._tolerance = 0.0, False, tolerance
-        if 0.5 * replay.interval_s * highest > ALIKE:
+        if not together.steady and 0.5 * replay.interval_s * highest > ALIKE:
             drawn = Balances(JointReplay(ship, *together.tables, line=True, every=every))
             bands = bands_of(drawn, first.segments, highest)
             whiteness = _whiteness(Fitter(drawn, bands, tolerance))

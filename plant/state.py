@@ -112,6 +112,18 @@ def motion_state(pitch_ratio, shaft_speed, ship_speed):
 )
 """The state of pitch, shaft and hull alone, for kernels, where a tuple's defaults do not act."""
 
+with_motion: Callable[[State, Real, Real, Real], State] = spelled_out(
+    """
+def with_motion(state, pitch_ratio, shaft_speed, ship_speed):
+    return State(
+        {field},
+    )
+""",
+    [name if name in _MOTION else f"state.{name}" for name in State._fields],
+    globals(),
+)
+"""A state with other values of pitch ratio, shaft speed and ship speed, for kernels."""
+
 moved: Callable[[State, State, Real], State] = spelled_out(
     """
 def moved(state, rate, h):

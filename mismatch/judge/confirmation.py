@@ -61,7 +61,7 @@ def confirmed(selection: Selection, fitter: Fitter, judge: Callable[[Fit], float
 
 
 def _resolved(fitter: Fitter, fit: Fit, which: int) -> bool:
-    """Whether an effect is larger than what the recording resolves, and fits better than at that size."""
+    """Whether an effect is larger than what the recording resolves, and fits better than there."""
     ship, placed = fitter.trial_ship, fit.effects[which]
     parameter, size = placed.effect.parameters[0], placed.values[0]
     neutral, least = ship.neutral(parameter), ship.resolution(parameter)

@@ -77,6 +77,16 @@ def corrected_ship(
     return nominal, 0.0, spoilt
 
 
+def not_carried(spoilt: list[str]) -> list[str]:
+    """Return the remark on a corrected ship that does not carry what was named.
+
+    Args:
+        spoilt: channels that a ship with it follows worse.
+    """
+    why = f"it follows {', '.join(spoilt)} worse" if spoilt else "it gains nothing"
+    return [f"the corrected ship is the nominal one: with what is named, run freely, {why}"]
+
+
 def followed(
     nominal: Ship, candidates: Iterable[Ship], judge: Callable[[Any], float], free: FreeRunning
 ) -> bool:

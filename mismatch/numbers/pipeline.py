@@ -14,6 +14,7 @@ import pandas as pd
 import scipy
 from threadpoolctl import threadpool_limits
 
+from ...plant.columns import TIME
 from ...plant.ship import Ship
 from ...plant.ship_errors import ShipError
 from ..judge.held_out import Segments, bands_of, set_aside
@@ -106,7 +107,12 @@ def identify(
         return unjudged(method, ship, found, left_out)
     together = load_jointly(ship, recordings, hold_out, columns, tick)
     with threadpool_limits(1, "blas"):
-        balances = Balances(JointReplay(ship, *together.tables))
+        if together.steady and not METHODS[method].steady:
+            raise ValueError(
+                f"{method} compares how the ship moves, and each row of the recording is taken as an "
+                f"equilibrium; use --method {DEFAULT} or steady"
+            )
+        balances = Balances(JointReplay(ship, *together.tables, steady=together.steady))
         parts = METHODS[method].cut or together.held_out
         train, held = (
             set_aside(balances.replay, together.held_out)[0]
@@ -132,7 +138,11 @@ def identify(
         if METHODS[method].cut:
             tables = together.tables
             effects = applicable(
-                ship, tables[0].columns, turned=turned(tables), one_way=one_way(ship, tables)
+                ship,
+                tables[0].columns,
+                turned=turned(tables),
+                one_way=one_way(ship, tables),
+                steady=together.steady,
             )
             found = with_model_error(
                 found, identified_ship(ship, found), balances, train, held, effects, tick
@@ -192,6 +202,7 @@ class Method(NamedTuple):
     words: str  # what it needs and does, in a line
     cut: bool = False  # whether it can do with a part of a recording
     response: bool = False  # whether it compares how the ship moves, besides where it rests
+    steady: bool = False  # whether it can do with rows that are equilibria
 
     def usual(self, ship: Ship) -> tuple[str, ...]:
         """Return the keys that it frees on a ship where the user names none.
@@ -220,21 +231,26 @@ def _by_output_error(
     """
     ship, highest, near, steps = work.balances.replay.ship, 0.0, False, []
     runs = [run.table for run in work.balances.replay.runs]
+    at_rest = work.balances.replay.steady  # then a row's demands act on that row alone
     free = Free(ship, keys)
     values: Sequence[float] = free.values
     for _ in range(MOST_SEARCHES):
-        ways = [Balances(replayed(free.ship, *runs, line=line)) for line in (False, True)]
+        ways = [
+            Balances(replayed(free.ship, *runs, line=line, steady=at_rest))
+            for line in ((False,) if at_rest else (False, True))
+        ]
         telling = numbers_hertz(ways[0], free, values, work.train)
         if near and abs(telling / highest - 1.0) < SAME_BAND:
             break
         highest = telling
-        held, drawn = (
+        held, *others = (
             output_error(
                 Fitter(some, bands_of(some, work.train, highest), work.tolerance, free.keys),
                 free, work.tick, values,
             )
             for some in ways
         )  # fmt: skip
+        drawn = next(iter(others), held)
         gain = drawn.score - held.score
         # held ones, which a controller's are, unless it is clear; as in a diagnosis
         ahead = gain - TELL_APART
@@ -245,7 +261,8 @@ def _by_output_error(
         with contextlib.suppress(ShipError):  # a search may pass where no file may end
             free = Free(free.at(values), free.keys)
     refuse_untold(found, Free(ship, free.keys))
-    found = found.beside(other, float(scipy.special.expit(-0.5 * abs(ahead))))
+    if not at_rest:
+        found = found.beside(other, float(scipy.special.expit(-0.5 * abs(ahead))))
     tables = {"search": pd.concat(steps, ignore_index=True)}
     if ahead <= 0.0:
         return replace(found, tables=tables)
@@ -282,11 +299,20 @@ def _whole(method: Callable[..., Found]) -> Callable[[Work, tuple[str, ...]], Fo
     return find
 
 
+def _by_points(work: Work, keys: tuple[str, ...]) -> Found:
+    """Least squares on the plateaus of recordings, or on rows that are equilibria as they are."""
+    tables = list(work.tables)
+    if work.balances.replay.steady:
+        tables = [table.drop(columns=TIME) for table in tables]
+    return steady(work.balances.replay.ship, tables, keys, work.tick)
+
+
 METHODS: dict[str, Method] = {
     "output-error": Method(
         _by_output_error,
         "any recording: the simulation itself, under noise of any colour",
         cut=True,
+        steady=True,
     ),
     "output-error-linear": Method(
         _by_linear,
@@ -299,7 +325,7 @@ METHODS: dict[str, Method] = {
         cut=True,
     ),
     "steady": Method(
-        _whole(steady), "plateaus, or a table of points: least squares on steady states"
+        _by_points, "plateaus, or a table of points: least squares on steady states", steady=True
     ),
     "step": Method(
         _whole(step), "one step of a motor's voltage: inertia and inductance", response=True

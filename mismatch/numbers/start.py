@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ...plant.keys import Number
 from ...plant.ship import Ship
+from ..recordings.led_by_speed import led_by_speed
 from .free import Free
 
 WIDE = 0.3
@@ -32,6 +33,17 @@ class Start:
     free: tuple[str, ...] = ()
     left: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+
+
+def led_start(start: Start) -> Start:
+    """Return a start whose ships turn their shaft at the recorded speed.
+
+    Args:
+        start: with the prime mover of the ship's file.
+    """
+    calibrated = tuple(key for key in start.calibrated if not key.startswith("prime_mover."))
+    file, ship = led_by_speed(start.file), led_by_speed(start.ship)
+    return replace(start, file=file, ship=ship, calibrated=calibrated)
 
 
 def check_free(ship: Ship, keys: Sequence[str], calibrated: bool) -> None:

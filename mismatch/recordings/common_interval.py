@@ -65,7 +65,7 @@ def _slowed(ship: Ship, one: Recording, interval_s: float) -> Recording:
         values = one[column]
         if column not in ordered and width > 1:
             values = uniform_filter1d(values, width, mode="nearest")
-        return np.interp(even, time, values)
+        return np.asarray(np.interp(even, time, values))
 
     table = pd.DataFrame({c: even if c == TIME else at(str(c)) for c in one.table})
     noise = {c: describe(table[c].to_numpy(), interval_s) for c in one.noise}

@@ -41,6 +41,7 @@ class JointRecordings:
         limits: why they may not decide.
         warnings: what was noticed about them.
         signals: units of what terms may hear in all of them, by name.
+        steady: whether each row is an equilibrium at the inputs of that row.
     """
 
     tables: tuple[pd.DataFrame, ...]
@@ -48,6 +49,7 @@ class JointRecordings:
     limits: list[str]
     warnings: list[str]
     signals: dict[str, str]
+    steady: bool = False
 
 
 def load_jointly(
@@ -80,14 +82,31 @@ def load_jointly(
     refuse_twice(sources)
     groups = load_each(ship, sources, columns, tick, signals)
     count = len(parts_of(groups[: len(fitted)]))
-    loaded = at_common_interval(ship, parts_of(groups))
+    loaded = parts_of(groups)
+    _refuse_mixed(loaded)
+    if not loaded[0].steady:
+        loaded = at_common_interval(ship, loaded)
     to_fit, aside = loaded[:count], loaded[count:]
     refuse_few(to_fit)
     refuse_overlap(loaded, NOT_TWICE)
     limits, warnings = _said(to_fit, loaded, ship)
     heard = {n: u for n, u in loaded[0].signals.items() if all(n in r.signals for r in loaded)}
     tables = tuple(r.table for r in loaded)
-    return JointRecordings(tables, len(aside), limits, warnings, heard)
+    return JointRecordings(tables, len(aside), limits, warnings, heard, loaded[0].steady)
+
+
+def _refuse_mixed(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings of which some have rows that are equilibria and some have not.
+
+    Raises:
+        RecordingError: names one of each.
+    """
+    kinds = {recording.steady: recording.source for recording in recordings}
+    if len(kinds) > 1:
+        raise RecordingError(
+            f"{kinds[True]} has rows that are equilibria, {kinds[False]} has rows that follow the "
+            "ship's motion; diagnose them apart, or say --steady where all rows are equilibria"
+        )
 
 
 def refuse_few(recordings: Sequence[Recording]) -> None:
@@ -141,6 +160,7 @@ def load_each(
     columns: str | Path | None = None,
     tick: Tick = silent,
     signals: Mapping[str, str] = MappingProxyType({}),
+    steady: bool = False,
 ) -> list[list[Recording]]:
     """Read and check recordings, each for itself; one with long gaps is cut there into several.
 
@@ -150,6 +170,7 @@ def load_each(
         columns: column map of the files, or none.
         tick: told how many are read.
         signals: as of :func:`load_jointly`.
+        steady: whether each row is an equilibrium, as of :func:`.load.load_recording`.
 
     Returns:
         The parts of each source.
@@ -167,7 +188,7 @@ def load_each(
         else:
             numbered += isinstance(source, pd.DataFrame)
             name = f"{TABLE} {numbered}" if tables > 1 else TABLE
-            found = load_parts(source, ship, columns, signals, name)
+            found = load_parts(source, ship, columns, signals, name, steady)
         for recording in found:
             if len(recording) < LEAST_OF_ONE:
                 raise RecordingError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -38,11 +38,21 @@ from .checks import (
     too_short,
 )
 from .columns import load_map
+from .led_by_speed import refuse_without_drive
 from .noise import Noise, describe, describe_command
 from .slips import demands, impossible_demands, ranges_of
 from .spikes import without_spikes
 from .standing import standing
-from .time_base import filled, on_even_time, spread, with_seconds
+from .steady_rows import (
+    NO_EQUILIBRIUM,
+    complete_rows,
+    noise_of_rows,
+    rows_are_steady,
+    running_rows,
+    why_steady,
+    without_outliers,
+)
+from .time_base import filled, on_even_time, spread, times_of, with_seconds
 from .yardstick import Yardstick
 
 OUTSIDE = {
@@ -71,6 +81,7 @@ class Recording:
         warnings: what was mended or looks odd; sentences for the reader.
         limits: what the recording cannot show, each beginning with "too short" or "dull".
         signals: unit of each column that is a signal for terms, by its name.
+        steady: whether each row is an equilibrium at the inputs of that row.
     """
 
     source: Path
@@ -80,6 +91,7 @@ class Recording:
     warnings: tuple[str, ...] = ()
     limits: tuple[str, ...] = ()
     signals: Mapping[str, str] = field(default_factory=dict)
+    steady: bool = False
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -114,6 +126,7 @@ def load_recording(
     columns: str | Path | None = None,
     signals: Mapping[str, str] = MappingProxyType({}),
     name: str = TABLE,
+    steady: bool = False,
 ) -> Recording:
     """Read a recording and check it against the ship that made it.
 
@@ -127,6 +140,8 @@ def load_recording(
         signals: units of columns that are kept as signals for terms where the file has them, by name,
             besides those of the ship and of the column map.
         name: of a table, in messages.
+        steady: whether each row is an equilibrium at the inputs of that row; where rows are slower than
+            the ship they are taken so in any case.
 
     Returns:
         The recording on an even time base. A recording too short or too dull to decide anything is
@@ -142,11 +157,16 @@ def load_recording(
     """
     refuse_other_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
-    return checked(path, *read_mapped(source, ship, columns, name), ship, signals)
+    return checked(path, *read_mapped(source, ship, columns, name), ship, signals, steady)
 
 
 def checked(
-    path: Path, raw: pd.DataFrame, mapped: dict[str, str], ship: Ship, signals: Mapping[str, str]
+    path: Path,
+    raw: pd.DataFrame,
+    mapped: dict[str, str],
+    ship: Ship,
+    signals: Mapping[str, str],
+    steady: bool = False,
 ) -> Recording:
     """A table under canonical names as a recording, through every check.
 
@@ -156,6 +176,7 @@ def checked(
         mapped: units of the signals of the column map.
         ship: the nominal ship.
         signals: units of further columns for terms.
+        steady: whether the user says that each row is an equilibrium.
     """
     layout = raw.attrs.get("layout")
     warnings = [f"read as a table with {words}"] if layout and (words := layout.words()) else []
@@ -168,33 +189,57 @@ def checked(
     refuse_complex(path, raw, heard)
     raw, read = with_seconds(path, raw)
     warnings += read
-    foreign = foreign_columns(ship)
+    time = times_of(path, raw)
+    asked, steady = steady, rows_are_steady(ship, raw, time, steady)
+    if steady:
+        turning = SHAFT_SPEED
+        warnings.append(why_steady(ship, raw, time, asked))
+        refuse_without_drive(path, raw, ship)
+    foreign = foreign_columns(ship) | (NO_EQUILIBRIUM if steady else set())
     told = turning in raw or not {SHAFT_POWER, ELECTRIC_POWER} & set(raw) - foreign
     required = list(dict.fromkeys([*input_columns(ship), *([turning] * told), *ship.hears]))
     known = [*(c for c in COLUMNS if c in raw and c not in foreign), *sorted(heard)]
-    raw, mended = filled(path, raw, known)
+    if steady:
+        raw, mended = complete_rows(path, raw, known, required)
+        known = [column for column in known if column in raw]
+    else:
+        raw, mended = filled(path, raw, known)
     warnings += mended
     numbers = as_numbers(path, raw, required, heard)[known]
-    for even in (spread, on_even_time):
+    if steady:
+        numbers, mended = running_rows(path, numbers, ship)
+        warnings += mended
+    for even in () if steady else (spread, on_even_time):
         numbers, mended = even(path, numbers)
         warnings += mended
     orders = {*demands(ship, numbers), SHAFT_ANGLE, HEADING}  # an angle may begin anew
     measured = [c for c in answered_columns(ship) if c in numbers and c not in orders]
-    table, mended = without_spikes(path, numbers, measured)
-    warnings += mended
+    table = numbers
+    if not steady:
+        table, mended = without_spikes(path, numbers, measured)
+        warnings += mended
     refuse_wrapped(path, table)
     interval = (table[TIME].iloc[-1] - table[TIME].iloc[0]) / (len(table) - 1)
-    yardstick = _refuse_slips(path, table, interval, ship)
+    yardstick = _refuse_slips(path, table, interval, ship, steady)
     check_bounds(path, table)
+    if steady:
+        table, mended = without_outliers(path, table, yardstick.sailed, measured)
+        warnings += mended
     commands = demands(ship, table)
     noise = {
         c: (describe_command if c in commands else describe)(table[c].to_numpy(), interval)
         for c in table
         if c != TIME and c not in heard
     }
+    if steady:
+        at_rows = None if mended else yardstick.sailed
+        for c in measured:
+            own = noise_of_rows(table, at_rows, c, [*commands, *heard])
+            noise[c] = replace(noise[c], white_rms=own)
     warnings += [*at_end_stop(table, ship), *standing(table, ship, noise, yardstick.sailed)]
-    limits = (*too_short([table], interval, ship), *dull(table, ship, noise))
-    return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard)
+    short = [] if steady else too_short([table], interval, ship)
+    limits = (*short, *dull(table, ship, noise))
+    return Recording(path, table, float(interval), noise, tuple(warnings), limits, heard, steady)
 
 
 def refuse_other_types(source: object, ship: object, columns: object) -> None:
@@ -246,16 +291,18 @@ def read_mapped(
     return mapped, units
 
 
-def _refuse_slips(path: Path, table: pd.DataFrame, interval: float, ship: Ship) -> Yardstick:
+def _refuse_slips(
+    path: Path, table: pd.DataFrame, interval: float, ship: Ship, steady: bool
+) -> Yardstick:
     """Return the reference simulation; raise a RecordingError where units, signs or names are wrong."""
-    yardstick = Yardstick(ship, table, interval)
+    yardstick = Yardstick(ship, table, interval, steady)
     pair = yardstick.swapped()
     impossible = list(impossible_demands(table, ship))
     if pair is None and not impossible and (reason := yardstick.foreign()):
         raise RecordingError(f"{path}: {reason}")
     if dead := list(yardstick.dead()):
         raise RecordingError("\n".join(f"{path}: {sentence}" for sentence in dead))
-    if pair is None and pitch_swapped(table, interval, ship):
+    if pair is None and not steady and pitch_swapped(table, interval, ship):
         pair = ("pitch_ratio_command", "pitch_ratio")
     if pair is not None:
         a, b = (f"{c} (median {table[c].median():.4g} {BOUNDS[c][2]})" for c in pair)

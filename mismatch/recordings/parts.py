@@ -7,13 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
 import pandas as pd
 
-from ...plant.columns import TIME
 from ...plant.ship import Ship
 from .load import TABLE, Recording, checked, read_mapped, refuse_other_types
-from .time_base import LEAST_OF_ONE, parts, with_seconds
+from .steady_rows import rows_are_steady
+from .time_base import LEAST_OF_ONE, parts, times_of
 
 CUT = "the recording was cut"
 """How the remark on the gaps begins."""
@@ -28,6 +27,7 @@ def load_parts(
     columns: str | Path | None = None,
     signals: Mapping[str, str] = MappingProxyType({}),
     name: str = TABLE,
+    steady: bool = False,
 ) -> list[Recording]:
     """Read a recording and cut it where more samples are missing than are filled in.
 
@@ -40,6 +40,7 @@ def load_parts(
         columns: column map, or none.
         signals: units of further columns for terms.
         name: of a table, in messages.
+        steady: as of :func:`load_recording`; rows that are equilibria need no cut.
 
     Returns:
         The parts in their order; the first one's warnings say where the recording was cut.
@@ -51,15 +52,15 @@ def load_parts(
     refuse_other_types(source, ship, columns)
     path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
     raw, mapped = read_mapped(source, ship, columns, name)
-    time = pd.to_numeric(
-        with_seconds(path, raw)[0].get(TIME, pd.Series(dtype=float)), errors="coerce"
-    )
-    found = parts(time.to_numpy(dtype=np.float64))
+    time = times_of(path, raw)
+    if rows_are_steady(ship, raw, time, steady):
+        return [checked(path, raw, mapped, ship, signals, steady)]
+    found = parts(time)
     kept = [(a, b) for a, b in found if b - a >= LEAST_OF_ONE]
     rows = sum(b - a for a, b in kept)
     if len(found) == 1 or len(kept) > MOST_PARTS or 2 * rows < len(raw):
         return [checked(path, raw, mapped, ship, signals)]  # which refuses gaps
-    cuts = [f"{time.iloc[a] - time.iloc[a - 1]:.4g} s before row {a + 1}" for a, _ in found[1:]]
+    cuts = [f"{time[a] - time[a - 1]:.4g} s before row {a + 1}" for a, _ in found[1:]]
     said = (
         f"{CUT} at {len(cuts)} gap{'s' * (len(cuts) > 1)} ({', '.join(cuts[:5])}"
         f"{', ...' if len(cuts) > 5 else ''}) into {len(kept)} parts, each simulated from its own start"

@@ -31,7 +31,7 @@ def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
         ship: the nominal ship, which is simulated with the recording's commands.
     """
     table = recording.table
-    reference = Yardstick(ship, table, recording.interval_s)
+    reference = Yardstick(ship, table, recording.interval_s, recording.steady)
     simulated = reference.sailed
     orders = demands(ship, table)
     measured = [c for c in answered_columns(ship) if c in table and c not in orders]
@@ -44,7 +44,8 @@ def remarks(recording: Recording, ship: Ship) -> Iterator[str]:
     compared = [
         c for c in measured if c not in rectified and simulated is not None and c in simulated
     ]
-    yield from timing_remarks(reference.table, simulated, compared, recording.interval_s)
+    if not recording.steady:
+        yield from timing_remarks(reference.table, simulated, compared, recording.interval_s)
     for column in (*orders, *measured):
         if said := quantisation_remark(column, table[column].to_numpy(dtype=float)):
             yield said

@@ -24,6 +24,7 @@ from ...plant.terms import OF_A_TURN
 from .columns import load_map
 from .first_map import first_map
 from .joint import refuse_few
+from .led_by_speed import NoDriveCommandError, led_by_speed, remark_on
 from .load import OUTSIDE, Recording
 from .parts import CUT, load_parts
 from .remarks import remarks
@@ -130,13 +131,16 @@ class Survey:
         return float("nan") if found is None else found.white_rms
 
 
-def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> Survey:
+def survey(
+    path: str | Path, ship: Ship, columns: str | Path | None = None, steady: bool = False
+) -> Survey:
     """Look at a recording without diagnosing it.
 
     Args:
         path: as of :func:`.load_recording`.
         ship: the nominal ship.
         columns: column map, or none.
+        steady: whether each row is an equilibrium, as of :func:`.load.load_recording`.
 
     Raises:
         RecordingError: the column map cannot be used, or the file cannot be read at all.
@@ -145,14 +149,19 @@ def survey(path: str | Path, ship: Ship, columns: str | Path | None = None) -> S
     given = None if columns is None else load_map(columns)
     raw = read_table(path, {} if given is None else given.file.model_dump(exclude_none=True))
     sources = {} if given is None else given.sources
-    recording, refused = None, ""
+    recording, refused, led = None, "", ""
     odd: tuple[str, ...] = ()
     try:
-        found = load_parts(path, ship, columns, OUTSIDE)  # as a diagnosis hears them
+        try:
+            found = load_parts(path, ship, columns, OUTSIDE, steady=steady)  # as a diagnosis
+        except NoDriveCommandError:
+            led = remark_on(ship)
+            ship = led_by_speed(ship)
+            found = load_parts(path, ship, columns, OUTSIDE, steady=steady)
         refuse_few(found)
         recording = replace(
             found[0], table=pd.concat([part.table for part in found], ignore_index=True),
-            warnings=tuple(_named(found)),
+            warnings=(*([led] if led else []), *_named(found)),
             limits=tuple(dict.fromkeys(said for part in found for said in part.limits)),
         )  # fmt: skip
         odd = tuple(dict.fromkeys(said for part in found for said in remarks(part, ship)))

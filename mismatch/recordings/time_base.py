@@ -87,6 +87,20 @@ def with_seconds(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
     return table, []
 
 
+def times_of(path: Path, table: pd.DataFrame) -> NDArray[np.float64]:
+    """Return the time of each row [s], shape (rows,): NaN where it is no number, empty without a time.
+
+    Args:
+        path: for messages.
+        table: under canonical names.
+
+    Raises:
+        RecordingError: as of :func:`with_seconds`.
+    """
+    time = with_seconds(path, table)[0].get(TIME, pd.Series(dtype=float))
+    return np.asarray(pd.to_numeric(time, errors="coerce"), dtype=np.float64)
+
+
 def first_day(values: pd.Series, form: str | None = None) -> str | None:
     """Day of the first stamp, year-month-day; None where stamps are times of day alone or unreadable."""
     first = str(values.iloc[0])
@@ -250,10 +264,14 @@ def on_even_time(path: Path, table: pd.DataFrame) -> tuple[pd.DataFrame, list[st
         )
     usual = float(np.median(steps))
     if not _FASTEST_S * (1.0 - _EVEN) <= usual <= _SLOWEST_S:
+        slow = usual > _SLOWEST_S
+        steady = (
+            "; if the ship ran steadily at each row, say --steady (steady=True)" if slow else ""
+        )
         raise RecordingError(
             f"{path}: {TIME} steps by {usual:.4g} s from row to row; allowed: {_FASTEST_S:g} to "
-            f"{_SLOWEST_S:g} s; if it counts another unit, say so in the column map (unit = "
-            f'"{"ms" if usual > _SLOWEST_S else "day"}", for example)'
+            f"{_SLOWEST_S:g} s, or slower than the ship settles{steady}; if it counts another unit, say "
+            f'so in the column map (unit = "{"ms" if slow else "day"}", for example)'
         )
     gaps = np.flatnonzero(steps > 1.5 * usual)
     long = gaps[steps[gaps] > (LONGEST_GAP + 1.5) * usual]

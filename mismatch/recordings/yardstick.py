@@ -20,6 +20,7 @@ import pandas as pd
 
 from ...plant.columns import BOUNDS, HEADING, SHAFT_ANGLE, SHAFT_SPEED, TIME, drive_column
 from ...plant.divergence import DivergenceError
+from ...plant.equilibria import simulate_steady
 from ...plant.recording import RecordingError
 from ...plant.replay import simulate_recording
 from ...plant.ship import Ship
@@ -54,14 +55,23 @@ _RETOLD = 2.0  # |ln factor| from which no effect looks like a demand in another
 class Yardstick:
     """The nominal ship, driven by a recording's demands, beside what was recorded.
 
+    Args:
+        ship: nominal.
+        table: canonical columns at an even interval.
+        interval_s: of the rows [s].
+        steady: whether each row is an equilibrium at the inputs of that row.
+
     Attributes:
         sailed: its simulation; None where it cannot be simulated.
         diverges: why, where its simulation diverges; else empty.
         off: relative rms difference of each measured channel; empty without a simulation.
     """
 
-    def __init__(self, ship: Ship, table: pd.DataFrame, interval_s: float) -> None:
-        per_row = max(1, math.ceil(interval_s / ship.time_step_s - 1e-9))
+    def __init__(
+        self, ship: Ship, table: pd.DataFrame, interval_s: float, steady: bool = False
+    ) -> None:
+        per_row = 1 if steady else max(1, math.ceil(interval_s / ship.time_step_s - 1e-9))
+        self._simulate = simulate_steady if steady else simulate_recording
         self.ship, self._interval_s = ship, interval_s
         self._drive = drive_column(ship)
         self._shaft = SHAFT_SPEED if SHAFT_SPEED in table else SHAFT_ANGLE
@@ -105,7 +115,7 @@ class Yardstick:
                     "ignore", ValidityWarning
                 )  # of a trial, not of the user's run
                 try:
-                    sailed = simulate_recording(self.ship, candidate)
+                    sailed = self._simulate(self.ship, candidate)
                 except DivergenceError as error:
                     self._diverged = str(error)
                     continue

@@ -28,7 +28,10 @@ from .panels import (
     svg,
     thinned,
 )
-from .wording import channel_name, number, scaled, superscript, with_unit
+from .wording import channel_name, number, scaled, superscript, time_unit, with_unit
+
+LEAST_SPECTRUM = 64
+"""Rows in each piece of a recording whose spectra are averaged, at least."""
 
 RANKED = 12
 """Candidates that the ranking shows."""
@@ -81,7 +84,9 @@ def interval(diagnosis: Outcome) -> float:
 
 def traces(diagnosis: Replayed) -> list[str]:
     """Each channel measured and simulated: the whole recording, then the part set aside."""
-    time = diagnosis.time_s
+    clock, seconds = time_unit(float(diagnosis.time_s[-1]))
+    time = diagnosis.time_s / clock
+    held_out = [(a / clock, b / clock) for a, b in diagnosis.held_out]
     drawn: list[str] = []
     rows = [(diagnosis.before, before_line(diagnosis))]
     if changed(diagnosis):
@@ -89,13 +94,13 @@ def traces(diagnosis: Replayed) -> list[str]:
     for column, measured in diagnosis.measured.items():
         name, unit = channel_name(column)
         factor, unit = scaled(float(np.abs(measured).max()), unit)
-        for start, end in [(0.0, float(time[-1])), *diagnosis.held_out[:1]]:
+        for start, end in [(0.0, float(time[-1])), *held_out[:1]]:
             whole = start == 0.0 and end == time[-1]
             part = (time >= start - 1e-9) & (time <= end + 1e-9)
             where = "" if whole else ", on the part set aside"
-            figure, axes = panel(f"{name}{where}", "time [s]", with_unit(name, unit))
+            figure, axes = panel(f"{name}{where}", f"time [{seconds}]", with_unit(name, unit))
             if whole:
-                for a, b in diagnosis.held_out:
+                for a, b in held_out:
                     axes.axvspan(a, b, color=HELD_OUT, linewidth=0)
             axes.plot(
                 *outline(time[part], measured[part] / factor),
@@ -114,8 +119,9 @@ def residuals(diagnosis: Outcome) -> list[str]:
     """What each balance lacks over time, before and after."""
     time = diagnosis.time_s
     drawn: list[str] = []
+    clock, seconds = time_unit(float(time[-1]))
     size = block_rows(float(time[-1]), interval(diagnosis))
-    at = blocks(time, size)
+    at = blocks(time, size) / clock
     for row, (name, unit) in enumerate(diagnosis.balances):
         before, after = diagnosis.residual_before[row], diagnosis.residual_after[row]
         means = [(blocks(before, size), before_line(diagnosis))]
@@ -124,11 +130,11 @@ def residuals(diagnosis: Outcome) -> list[str]:
         largest = max(float(np.abs(m).max()) for m, _ in means)
         factor, shown = scaled(largest, unit)
         label = with_unit(f"missing {QUANTITY.get(name, '')}", shown)
-        figure, axes = panel(f"{name} balance", "time [s]", label)
+        figure, axes = panel(f"{name} balance", f"time [{seconds}]", label)
         for a, b in diagnosis.held_out:
-            axes.axvspan(a, b, color=HELD_OUT, linewidth=0)
+            axes.axvspan(a / clock, b / clock, color=HELD_OUT, linewidth=0)
         for a, b in _windows(diagnosis, row):
-            axes.axvspan(a, b, color=WINDOW, alpha=0.6, linewidth=0)
+            axes.axvspan(a / clock, b / clock, color=WINDOW, alpha=0.6, linewidth=0)
         spread = blocks(before, size, np.std)
         low, high = _range([values for values, _ in means], float(np.median(spread)))
         if float(np.median(spread)) < high - low:
@@ -143,7 +149,7 @@ def residuals(diagnosis: Outcome) -> list[str]:
         for values, style in means:
             axes.plot(at, values / factor, **style)
         axes.set_ylim(low / factor, high / factor)
-        axes.set_xlim(0.0, time[-1])
+        axes.set_xlim(0.0, time[-1] / clock)
         drawn.append(svg(figure, f"residual of the {name} balance over time", f"r{row}"))
     return drawn
 
@@ -168,7 +174,8 @@ def spectra(diagnosis: Outcome) -> list[str]:
     """Spectrum of what each balance lacks, before and after."""
     drawn = []
     rate = 1.0 / interval(diagnosis)
-    length = min(len(diagnosis.time_s) // 4, round(120.0 * rate))
+    least = min(len(diagnosis.time_s) // 4, LEAST_SPECTRUM)
+    length = max(least, min(len(diagnosis.time_s) // 4, round(120.0 * rate)))
     sails = diagnosis.ship.moves
     for row, (name, unit) in enumerate(diagnosis.balances):
         lines = [(diagnosis.residual_before[row], before_line(diagnosis))]

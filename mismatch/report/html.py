@@ -26,6 +26,7 @@ from .remarks import remarks
 from .sentences import VERDICT_WORDS, headline, sentence, status
 from .text import CONSTANT
 from .wording import (
+    DAY_S,
     breakable,
     capital,
     channel_name,
@@ -36,6 +37,7 @@ from .wording import (
     scaled,
     span,
     spans,
+    time_unit,
 )
 
 
@@ -159,6 +161,8 @@ def _facts(diagnosis: Outcome) -> list[tuple[str, str]]:
     time, held = diagnosis.time_s, diagnosis.held_out
     duration, step = float(time[-1]), figures.interval(diagnosis)
     minutes = f" ({duration / 60.0:.0f} min)" if duration >= 120.0 else ""
+    if time_unit(duration)[1] != "s":
+        minutes = f" ({duration / DAY_S:.1f} days)"
     facts = [
         ("Ship", diagnosis.ship.name),
         ("Recording", f"{duration:.0f} s{minutes}, {len(time)} rows, one every {step:.3g} s"),

@@ -11,7 +11,7 @@ from ..judge.verdict import EXPLAINED, NOTHING, PARTLY, UNEXPLAINED, BalanceVerd
 from ..outcome import Outcome
 from .formulas import formula_sentence
 from .numbers import biased_parameters, numbers_changed, numbers_that_explain
-from .wording import effect_words, listed, measure, parameter_words
+from .wording import effect_words, listed, measure, parameter_words, span
 
 NEUTRAL = (0.0, 1.0)
 """Values at which an effect is absent that a reader knows without the ship file."""
@@ -69,7 +69,7 @@ def between(windows: list[tuple[float, float]]) -> str:
     """Windows in words."""
     if not windows:
         return ""
-    parts = [f"{a:.0f} and {b:.0f} s" for a, b in windows[:3]]
+    parts = [span(a, b, "and", whole=True) for a, b in windows[:3]]
     more = f", and in {len(windows) - 3} more windows" if len(windows) > 3 else ""
     return "between " + ", between ".join(parts) + more
 

@@ -10,7 +10,7 @@ from ..outcome import Outcome
 from .formulas import formula_lines
 from .numbers import table_rows, wrong_of, wrong_words
 from .sentences import headline, sentence
-from .wording import channel_name
+from .wording import channel_name, span
 
 CONSTANT = "constant: no FitPercent"
 
@@ -60,7 +60,7 @@ def summary(diagnosis: Outcome) -> str:
         )
     if any(b.verdict != NOTHING for b in diagnosis.balance_verdicts):
         parts.append("Balance by balance\n" + aligned(_balances(diagnosis), ("explained",)))
-    held = ", ".join(f"{a:.0f} to {b:.0f} s" for a, b in diagnosis.held_out)
+    held = ", ".join(span(a, b, whole=True) for a, b in diagnosis.held_out)
     parts.append(
         "Ship file (before) and corrected ship (after), run freely; FitPercent: 100 is perfect\n"
         + aligned(_fits(diagnosis), ("before", "after", "rms before", "rms after"))

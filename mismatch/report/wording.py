@@ -87,10 +87,27 @@ def listed(names: list[str]) -> str:
     return " and ".join([part for part in (", ".join(names[:-1]), names[-1]) if part])
 
 
-def span(start: float, end: float) -> str:
-    """A stretch of time, in whole seconds unless it is short."""
-    digits = 0 if end - start >= 20.0 else 1
-    return f"{start:.{digits}f} to {end:.{digits}f} s"
+DAY_S, DAYS = 86400.0, 2.0
+"""A day, and days from which on a time is given in them."""
+
+
+def time_unit(longest: float) -> tuple[float, str]:
+    """Seconds in a unit of time, and the unit, in which times up to some [s] are read best."""
+    return (DAY_S, "days") if longest >= DAYS * DAY_S else (1.0, "s")
+
+
+def span(start: float, end: float, word: str = "to", whole: bool = False) -> str:
+    """A stretch of time: in whole seconds unless it is short, in days if it ends after :data:`DAYS`.
+
+    Args:
+        start: [s].
+        end: [s].
+        word: between the two.
+        whole: whether seconds are whole however short the stretch is.
+    """
+    size, unit = time_unit(end)
+    digits = 0 if size == 1.0 and (whole or end - start >= 20.0) else 1
+    return f"{start / size:.{digits}f} {word} {end / size:.{digits}f} {unit}"
 
 
 def spans(windows: list[tuple[float, float]], duration: float) -> str:
@@ -98,7 +115,7 @@ def spans(windows: list[tuple[float, float]], duration: float) -> str:
     if not windows:
         return "not located"
     if windows[0][0] <= 0.0 and windows[0][1] >= 0.98 * duration:
-        return f"the whole recording, 0 to {duration:.0f} s"
+        return f"the whole recording, {span(0.0, duration)}"
     said = ", ".join(span(a, b) for a, b in windows[:6])
     return said + (f" and {len(windows) - 6} more" if len(windows) > 6 else "")
 

@@ -11,9 +11,11 @@ import functools
 import importlib.resources
 from collections.abc import Iterable
 
+from ...plant.columns import SHAFT_POWER
 from ...plant.ship import Ship
 from .effect import Effect
 from .entries import entries_of
+from .transients import acts_at_rest
 
 
 @functools.cache
@@ -36,6 +38,7 @@ def applicable(
     own: Iterable[Effect] = (),
     turned: bool = False,
     one_way: bool = False,
+    steady: bool = False,
 ) -> list[Effect]:
     """Entries that a ship can have and a recording could show.
 
@@ -46,11 +49,14 @@ def applicable(
         own: entries besides the catalogue's.
         turned: whether the recording turns.
         one_way: whether the shaft turns and is driven one way only.
+        steady: whether each row is an equilibrium, where effects of transients do not show.
 
     Raises:
         ValueError: an id to leave out is unknown.
     """
     known, left_out = set(columns), set(exclude)
+    if SHAFT_POWER in known:  # it is measured torque times shaft speed
+        known.add("shaft_torque_N_m")
     everything = [*catalogue(), *own]
     unknown = left_out - {effect.id for effect in everything}
     if unknown:
@@ -64,4 +70,5 @@ def applicable(
         and effect.acts_on(ship)
         and not (effect.straight and turned and not ship.turns)
         and not (effect.both_ways and one_way)
+        and (acts_at_rest(ship, effect) or not steady)
     ]

@@ -226,7 +226,7 @@ class Balances:
 
     def residuals(self, channels: Channels) -> NDArray[np.float64]:
         """What each balance lacks, of measured or simulated channels; shape (balances, rows)."""
-        replay, plant, dt = self.replay, self.plant, self.replay.interval_s
+        replay, plant, dt = self.replay, self.plant, self.replay.rate_interval_s
         omega = self._shaft_speed(channels)
         acting = np.zeros(replay.rows, ACTING)
         states = self._states(channels, omega)
@@ -309,7 +309,7 @@ class Balances:
 
     def _run_rate(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Time derivative of each recording for itself: they begin on headings of their own."""
-        dt, segments = self.replay.interval_s, self.replay.segments
+        dt, segments = self.replay.rate_interval_s, self.replay.segments
         return np.concatenate([rate(values[a:b], dt) for a, b in segments])
 
     def _planar_forces(self, states: Any, acting: Any) -> Channels:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -17,11 +18,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...plant.columns import HEADING, MEASURED, SHAFT_ANGLE
+from ...plant.equilibria import SteadyReplay
 from ...plant.replay import Replay
 from ...plant.ship import Ship
 from ...plant.signals import SAMPLE
 from ..recordings.loading import loaded, moves
-from ..recordings.noise import describe
+from ..recordings.noise import describe, row_noise
 
 START_STEPS = 40
 """Time steps of the ship over which the first state is averaged."""
@@ -73,18 +75,27 @@ class JointReplay:
         line: whether demands are straight lines between rows instead of held.
         every: rows that are averaged into one, of what was recorded and simulated alike; the simulation
             goes from row to row all the same. Rows left over at a recording's end are dropped.
+        steady: whether each row is an equilibrium at the inputs of that row.
 
     Raises:
         ValueError: recordings that do not go together.
     """
 
     def __init__(
-        self, ship: Ship, *tables: pd.DataFrame, line: bool = False, every: int = 1
+        self,
+        ship: Ship,
+        *tables: pd.DataFrame,
+        line: bool = False,
+        every: int = 1,
+        steady: bool = False,
     ) -> None:
         self.ship = ship
-        self.line, self.every = line, every
+        self.line, self.every, self.steady = line, every, steady
         over = START_STEPS * ship.time_step_s
-        self.runs = [Replay(ship, table, over, line) for table in tables]
+        self.runs = [
+            SteadyReplay(ship, table) if steady else Replay(ship, table, over, line)
+            for table in tables
+        ]
         first = self.runs[0]
         self.interval_s = first.interval_s * every
         self.controllable = ship.has_variable_pitch
@@ -119,6 +130,16 @@ class JointReplay:
             if all(name in run.table for run in self.runs)
         }
         self.inflow_rows = self._averaged([run.inflow_rows(ship.record()) for run in self.runs])
+
+    def with_ship(self, ship: Ship, *tables: pd.DataFrame) -> JointReplay:
+        """Return a replay of the same recordings, or of others alike, by another ship."""
+        own = tables or [run.table for run in self.runs]
+        return JointReplay(ship, *own, line=self.line, every=self.every, steady=self.steady)
+
+    @property
+    def rate_interval_s(self) -> float:
+        """Interval over which rates of change are formed [s]; infinite between equilibria."""
+        return math.inf if self.steady else self.interval_s
 
     def _averaged(self, parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
         """A signal of every run, shape (rows of the run,) or (rows, signals), end to end."""
@@ -240,8 +261,16 @@ class JointReplay:
     def noise_rms(self) -> dict[str, float]:
         """White noise of the measured channels, by column, in their units; told from the first run."""
         first = slice(*self.segments[0])
-        return {
+        noise = {
             column: describe(values[first], self.interval_s).white_rms
+            for column, values in self.measured.items()
+        }
+        if not self.steady:
+            return noise
+        inputs = [self.drive_rows, self.command, *self.outside.values()]
+        nominal = self.channels_of(self.ship.record())
+        return {
+            column: row_noise(values[first], [one[first] for one in (*inputs, nominal[column])])
             for column, values in self.measured.items()
         }
 

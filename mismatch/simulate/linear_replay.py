@@ -44,7 +44,13 @@ class LinearReplay(JointReplay):
         ValueError: recordings that do not go together, or a speed that is held.
     """
 
-    def __init__(self, ship: Any, *tables: Any, line: bool = False, every: int = 1) -> None:
+    def __init__(
+        self, ship: Any, *tables: Any, line: bool = False, every: int = 1, steady: bool = False
+    ) -> None:
+        if steady:
+            raise ValueError(
+                f"{ship.name}: rows that are equilibria are not replayed by a linear model"
+            )
         if ship.turns:
             raise ValueError(
                 f"{ship.name}: a ship that turns has no linear model to be fitted here"

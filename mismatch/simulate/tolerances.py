@@ -14,6 +14,7 @@ from ...plant.ship import Ship
 from ...plant.tolerances import TOLERATED
 from .joint_replay import UNMOVED as UNMOVED
 from .joint_replay import JointReplay
+from .transients import is_transient
 
 START = {"pitch_ratio": 0.005, "shaft_speed": 0.02, "ship_speed": 0.05}
 """Standard deviation of the first state: P/D [-], share of the shaft speed, ship speed [m/s]; that of
@@ -74,7 +75,7 @@ def tolerance_moves(
     def off(key: str, power: float = 1.0, field: str = "") -> Iterator[Moved]:
         """A field of the record off by a share of itself, or of what it divides (power -1)."""
         tolerance = scale * getattr(known, TOLERATED[key])
-        if tolerance != 0.0 and key not in told:
+        if tolerance != 0.0 and key not in told and not (replay.steady and is_transient(ship, key)):
             record, name = ship.record(), field or ship.number(key).field
             record[name] = record[name] * (1.0 + tolerance) ** power
             own = (1.0 + tolerance) ** power - 1.0
@@ -86,6 +87,20 @@ def tolerance_moves(
         tolerance = scale * getattr(known, TOLERATED[key])
         if tolerance != 0.0 and key not in told:
             yield _moved(ship, {key: tolerance * unit})
+
+    def first_states() -> Iterator[Moved]:
+        """The first state off."""
+        if ship.turns_freely:
+            shaft = max(abs(replay.start[1]), 1.0)
+            yield Moved(ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0))
+        if replay.controllable:
+            yield Moved(ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0))
+        if ship.moves:
+            yield Moved(ship.record(), (0.0, 0.0, scale * START["ship_speed"]))
+        if ship.moves and ship.turns:
+            across = scale * START["ship_speed"]
+            yield Moved(ship.record(), (*UNMOVED, across))
+            yield Moved(ship.record(), (*UNMOVED, 0.0, 2.0 * across / ship.manoeuvring.length_m))
 
     if ship.moves:
         yield from off("hull.resistance_coefficient_N_s2_m2")
@@ -113,24 +128,18 @@ def tolerance_moves(
         yield from off("prime_mover.armature_resistance_ohm")
     if replay.controllable:
         yield from off("pitch_actuator.time_constant_s")
-    if ship.moves and ship.turns:
+    if ship.moves and ship.turns and not replay.steady:
         for key in TURNING:
             if ship.has_key(key) and ship.number(key).value != 0.0:
                 yield from off(key)
-    told_by_file = [k for k, one in known.numbers.items() if k not in free and scale * one > 0.0]
+    told_by_file = [
+        k for k, one in known.numbers.items()
+        if k not in free and scale * one > 0.0 and not (replay.steady and is_transient(ship, k))
+    ]  # fmt: skip
     for numbers in _joint(ship, told_by_file, scale):
         yield _moved(ship, numbers, near)
-    if ship.turns_freely:
-        shaft = max(abs(replay.start[1]), 1.0)
-        yield Moved(ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0))
-    if replay.controllable:
-        yield Moved(ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0))
-    if ship.moves:
-        yield Moved(ship.record(), (0.0, 0.0, scale * START["ship_speed"]))
-    if ship.moves and ship.turns:
-        across = scale * START["ship_speed"]
-        yield Moved(ship.record(), (*UNMOVED, across))
-        yield Moved(ship.record(), (*UNMOVED, 0.0, 2.0 * across / ship.manoeuvring.length_m))
+    if not replay.steady:  # an equilibrium depends on no first state
+        yield from first_states()
 
 
 def _joint(ship: Ship, keys: list[str], scale: float) -> Iterator[dict[str, float]]:

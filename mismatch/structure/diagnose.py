@@ -167,9 +167,7 @@ def _corrected(first: Diagnosis) -> list[Ship]:
 
 def held_residual(ship: Ship, replay: JointReplay, fitted: Segments, held: Segments) -> Floats:
     """Return measured minus simulated channels of a ship on the held-out rows."""
-    tables = [run.table for run in replay.runs]
-    own = JointReplay(ship, *tables, line=replay.line, every=replay.every)
-    problem = OutputError(Balances(own), fitted, held, 0.0)
+    problem = OutputError(Balances(replay.with_ship(ship)), fitted, held, 0.0)
     return problem.held_residual(problem.file_model())
 
 
@@ -222,7 +220,7 @@ def _diagnosed(
     problem, model, replay = search.problem, best.model, setting.balances.replay
     ship = _with_parameters(first.ship, problem, model)
     tables = _in_time(together.tables, problem, model)
-    balances = Balances(JointReplay(ship, *tables, line=replay.line, every=replay.every))
+    balances = Balances(replay.with_ship(ship, *tables))
     bands = bands_of(balances, setting.segments, setting.fitter.bands.highest_Hz)
     fitter = Fitter(balances, bands, problem.tolerance)
     fit = fitter.fitted(model.effects)

@@ -94,9 +94,11 @@ class OutputError:
         ]
         if (
             ship.moves and ship.turns
-        ):  # sway, and the rate of turn that gives as much at bow and stern
+        ):  # sway, and a rate of turn that gives as much at bow and stern
             across = START["ship_speed"]
             start += [across, 2.0 * across / ship.manoeuvring.length_m]
+        if self.replay.steady:  # an equilibrium depends on no first state
+            start = [0.0] * len(start)
         self.states = len(start)
         self.starts = np.tile(start, len(self.replay.runs))
         self.measured = np.array([self.replay.recorded[c] for c in self.names])
@@ -125,7 +127,7 @@ class OutputError:
         values = self._bounded(found)
         slopes = np.zeros_like(values)
         for a, b in self.replay.segments:
-            if b - a > 1:
+            if b - a > 1 and not self.replay.steady:
                 slopes[:, a:b] = np.gradient(values[:, a:b], axis=1)
         return values + nuisance[len(self.starts) :, None] * slopes, slopes
 
@@ -183,8 +185,10 @@ class OutputError:
     def nuisance_precision(self) -> Floats:
         """Return the precision of each nuisance value's prior; :data:`FIXED` of one that cannot move."""
         starts = np.where(self.starts > 0.0, START_PRECISION, FIXED)
-        skew = SKEW_ROWS / self.replay.every
-        return np.concatenate([starts, np.full(len(self.names), skew**-2.0)])
+        skew = (SKEW_ROWS / self.replay.every) ** -2.0
+        if self.replay.steady:  # rows that stand for themselves have no clock
+            skew = FIXED
+        return np.concatenate([starts, np.full(len(self.names), skew)])
 
     def fit_near_file(self, model: Model, which: Collection[int] | None = None) -> Model:
         """Fit a model with parameters held within the file's tolerances.

@@ -10,6 +10,7 @@ from shaftline.plant import load_ship, write_ship
 from shaftline.proof.example import main as write_example
 
 from ..mismatch.recordings.trials import voyage
+from ..mismatch.service_logs import service_log
 from .conftest import Command
 
 
@@ -134,3 +135,20 @@ def test_a_draft_for_another_logger_works_as_it_is_written(
     assert more.exit_code == 0, more.output
     assert "leaves open; copy its lines there" in " ".join(more.output.split())
     assert '"speedWater" = { column = "ship_speed_m_s"' in (tmp_path / "more.toml").read_text()
+
+
+def test_rows_of_a_minute_are_usable_as_equilibria(shaftline: Command, tmp_path: Path) -> None:
+    log = service_log("frigate", rows=60, interval_s=60.0)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    ask = ["check", tmp_path / "log.csv", "--ship", "frigate"]
+    refused = shaftline(*ask)
+    assert refused.exit_code == 2
+    assert "say --steady" in " ".join(refused.output.split())
+    found = shaftline(*ask, "--steady")
+    assert found.exit_code == 0, found.output
+    assert "each row is taken as an equilibrium" in " ".join(found.output.split())
+    without_rack = log.drop(columns="fuel_rack_mm").assign(time_s=600.0 * log.index)
+    without_rack.to_csv(tmp_path / "log.csv", index=False)
+    found = shaftline(*ask)
+    assert found.exit_code == 0, found.output
+    assert "note: the recording has no fuel_rack_mm" in " ".join(found.output.split())

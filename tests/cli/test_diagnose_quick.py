@@ -24,6 +24,7 @@ def test_quick_leaves_out_the_second_search(
     monkeypatch.setattr("shaftline.mismatch.diagnose", stand_in)
     trial(60.0).to_csv(tmp_path / "t.csv", index=False)
     given = ("diagnose", tmp_path / "t.csv", "--ship", "frigate", "--out", tmp_path / "out")
-    for flags in ((), ("--quick",)):
+    for flags in ((), ("--quick",), ("--steady",)):
         assert shaftline(*given, *flags).exit_code == 0
-    assert [options.quick for options in asked] == [False, True]
+    assert [options.quick for options in asked] == [False, True, False]
+    assert [options.steady for options in asked] == [False, False, True]
