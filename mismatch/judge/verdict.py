@@ -103,11 +103,10 @@ def verdict_of(
     undecided = bool(fit.effects) and not excited and several
     holds = bool(fit.effects) and gain >= -TELL_APART and not undecided
     whole = left_over is None or explained >= EXPLAINED_SHARE
-    near = left_over is None or left_over.ratio <= MOST_LEFT
     # a value at the bound of its search, or outside what is plausible: the truth lies elsewhere
     trial_ship = whiteness.fitter.trial_ship
     doubted = any(at_bound(trial_ship, p) or implausible(trial_ship, p) for p in fit.effects)
-    if holds and whole and near and not doubted:
+    if holds and whole and not doubted:
         name = EXPLAINED
     elif holds and (sure or whole):
         name = PARTLY
@@ -117,6 +116,11 @@ def verdict_of(
         name = UNEXPLAINED if more else NOTHING
     told = fit if name in (EXPLAINED, PARTLY) else null
     return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, told))
+
+
+def far_from_noise(left_over: Colour | None) -> bool:
+    """Whether what effects leave is too far from noise for a recording to be explained."""
+    return left_over is not None and left_over.ratio > MOST_LEFT
 
 
 def balance_verdicts(

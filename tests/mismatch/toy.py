@@ -75,6 +75,7 @@ class Toy:
     recorded: ClassVar[dict[str, Any]] = {}
     line = False
     every = 1
+    steady = False
 
     def __init__(
         self, truth: dict[str, float], noise: Array, known: float = 0.0, ship: Ship | None = None

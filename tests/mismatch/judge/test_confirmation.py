@@ -85,6 +85,15 @@ def test_what_holds_stays_as_it_was() -> None:
     assert kept(alone, engine_torque_lag=-9.0) is alone  # the first one is judged elsewhere
 
 
+@pytest.mark.parametrize(("least", "names"), [(0.99, ["engine-torque-lag"]), (1.0, [])])
+def test_what_is_no_larger_than_the_recording_resolves_is_dropped(
+    least: float, names: list[str]
+) -> None:
+    """A lag of 1 s where rows are that far apart: clocks and filters do the same."""
+    fitter: Any = Fitter(least, lost=50.0)
+    assert ids(confirmed(chosen(LAG, gains=(400.0,)), fitter, lambda _: 0.0)) == names
+
+
 @pytest.mark.parametrize(("score", "names"), [(0.0, ["engine-torque-lag", "hull-fouling"]),
                                               (-0.01, ["engine-torque-lag"])])  # fmt: skip
 def test_a_later_effect_that_new_data_speak_against_is_dropped(

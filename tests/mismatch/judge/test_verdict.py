@@ -13,8 +13,10 @@ from shaftline.mismatch.judge.verdict import (
     NOTHING,
     PARTLY,
     UNEXPLAINED,
+    balance_verdicts,
     close_call,
     explained_shares,
+    far_from_noise,
     sure_effects,
     too_little,
     verdict_of,
@@ -148,6 +150,22 @@ def test_four_fifths_must_be_explained_where_more_than_noise_is_left(
     assert verdict(selection(100.0), Whiteness([[9.0]], [[after]], left=True)) == name
     assert verdict(selection(100.0), Whiteness([[9.0]], [[after]])) == EXPLAINED
     assert verdict(selection(100.0), Whiteness([[9.0]], [[after]], null=False, left=True)) == name
+
+
+def test_a_tenfold_amplitude_of_the_noise_is_far_from_it() -> None:
+    assert not far_from_noise(None)
+    assert not far_from_noise(Colour(0, 1, 0.005, 0.02, 99.9))
+    assert far_from_noise(Colour(0, 1, 0.005, 0.02, 100.1))
+
+
+def test_shares_are_of_what_the_ship_file_leaves_where_parameters_differ() -> None:
+    file: Any = Whiteness([[11.0, 3.0]], [[1.0, 1.0]])
+    own: Any = Whiteness([[2.0, 2.0]], [[2.0, 1.0]], left=True)
+    null: Any = "null"
+    fit: Any = "fit"
+    assert explained_shares(own, null, fit, file) == pytest.approx([0.9, 1.0, 1.0 - 1.0 / 12.0])
+    found = balance_verdicts(own, fit, file)
+    assert [(b.verdict, b.explained) for b in found] == [(EXPLAINED, 0.9), (EXPLAINED, 1.0)]
 
 
 @pytest.mark.parametrize(

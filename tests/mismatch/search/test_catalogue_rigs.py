@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue, diagnose
+from shaftline.mismatch.recordings.loading import one_way
 from shaftline.mismatch.search.catalogue import applicable
 from shaftline.mismatch.search.entries import entries_of
 from shaftline.mismatch.search.placed import Placed
@@ -171,6 +172,17 @@ def test_effects_of_an_angle_or_a_sensor_ask_for_its_column(servo: Ship) -> None
     assert "speed-sensor-gain" in ids(thruster(), "shaft_speed_rad_s", "motor_current_A")
     labels = {e.label for e in applicable(thruster(), ["thrust_N"])}
     assert "astern-thrust (propeller, on-a-rig)" not in labels  # the motor's load says the same
+
+
+def test_effects_of_reversing_are_offered_where_something_reverses() -> None:
+    both = {e.id for e in applicable(thruster(), ["thrust_N"])}
+    ahead = {e.id for e in applicable(thruster(), ["thrust_N"], one_way=True)}
+    assert both - ahead == {"direction-asymmetry", "astern-thrust"}
+    run = thruster_run(thruster())
+    assert not one_way(thruster(), [run])
+    assert one_way(thruster(), [run.abs()])
+    # a shaft that a brake or its inertia turns the other way counts as well
+    assert not one_way(thruster(), [run.assign(motor_voltage_V=run["motor_voltage_V"].abs())])
 
 
 def test_a_plausible_range_whose_ends_are_swapped_is_refused() -> None:

@@ -72,6 +72,14 @@ def test_a_model_with_a_far_larger_held_out_error_is_an_alternative_at_most() ->
     assert choose([vetoed, close, plain], BEFORE) == (close, [vetoed])
 
 
+def test_a_value_at_the_bound_of_its_search_is_chosen_last() -> None:
+    plain, inside = _ranked("", 3.0, -500.0), _ranked("a", 1.0)
+    bound = replace(_ranked("b", 1.0, 100.0), at_bound=True)
+    assert choose([bound, inside, plain], BEFORE)[0] is inside
+    assert choose([bound, plain, _ranked("", 3.0, -501.0)], BEFORE)[0] is plain
+    assert choose([bound], BEFORE)[0] is bound
+
+
 def test_a_model_that_is_worse_than_the_file_in_a_channel_is_left_out() -> None:
     uneven, even = _ranked("a", (0.1, 3.0), 90.0), _ranked("b", (0.9, 0.9), 80.0)
     assert choose([uneven, even], np.array([1.0, 1.0]))[0] is even
