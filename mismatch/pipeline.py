@@ -217,7 +217,7 @@ def _judged(
         formula = formula_instead(selection, verdict, whiteness, judge)
         if formula is not None and refuted(formula, selection, whiteness):
             verdict = verdict_of(selection, whiteness, -math.inf, replay.excited)
-        elif formula is not None or far_from_noise(verdict.left_over):  # something acts besides
+        elif formula is not None or far_from_noise(verdict.left_over, verdict.explained):
             verdict = replace(verdict, name=PARTLY)
     undecidable = too_little(replay.excited, together.limits)
     if verdict.name == NOTHING and undecidable:  # which is not the same

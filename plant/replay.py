@@ -77,10 +77,10 @@ class Replay:
     Args:
         ship: the ship.
         table: canonical columns at an even interval, all finite.
-        start_over_s: the first pitch ratio, shaft speed and ship speed are the measured ones, averaged
-            over this long; 0 takes the first row's. Of a measured shaft angle, a parabola through as
-            much, three rows at least, gives the first angle, and the first speed if that was not
-            measured. What was not measured is that of the steady state at the first row's demands.
+        start_over_s: the first state is the measured one over this long: its mean, or a parabola's
+            first value where it moves; 0 takes the first row's. A measured shaft angle gives the first
+            angle so, and the first speed if that was not measured. What was not measured is that of the
+            steady state at the first row's demands.
         line: whether demands are straight lines between rows instead of held.
 
     Raises:
@@ -177,7 +177,7 @@ class Replay:
 
     def _first_state(self, count: int) -> tuple[float, float, float]:
         """Pitch ratio, shaft speed and ship speed to start from, from some rows."""
-        first = {c: float(self._column(c, count).mean()) for c in _START if c in self.table}
+        first = {c: self._at_first(c, count) for c in _START if c in self.table}
         if SHAFT_ANGLE in self.table:
             first = {SHAFT_SPEED: self._turning(max(count, 3))[1]} | first
         if not self.ship.moves:
@@ -217,12 +217,12 @@ class Replay:
         return first
 
     def _at_first(self, column: str, count: int) -> float:
-        """A column's value at the first row, by a line through some: a turn may have begun."""
+        """A column's value at the first row: the mean of some, or where they move a parabola through."""
         values = self._column(column, count)
-        if count < 3:
+        noise = 0.5 * float(np.mean(np.diff(values) ** 2)) if count > 5 else math.inf
+        if float(np.var(values)) <= 2.0 * noise:
             return float(values.mean())
-        line = np.polynomial.Polynomial.fit(self.time_s[:count], values, 1)
-        return float(line(0.0))
+        return float(np.polynomial.Polynomial.fit(self.time_s[:count], values, 2)(0.0))
 
     def _turning(self, count: int) -> tuple[float, float]:
         """Angle [rad] and speed [rad/s] of the shaft at the first row, by a parabola through some."""

@@ -22,7 +22,10 @@ EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
 
 MOST_LEFT = 100.0
 """Times the noise's power, in the band where most is left, up to which a recording is explained: ten
-times the noise's amplitude."""
+times the noise's amplitude. Or else :data:`NEARLY_ALL` of the power beyond noise must be."""
+
+NEARLY_ALL = 0.99
+"""Share of the residual's power beyond the noise: a tenth of the difference's amplitude is left."""
 
 EXPLAINED_SHARE = 0.8
 """Named effects must explain this share of the residual's power beyond the noise, where what is left is
@@ -118,9 +121,14 @@ def verdict_of(
     return Verdict(name, explained, colour, left_over, balance_verdicts(whiteness, told))
 
 
-def far_from_noise(left_over: Colour | None) -> bool:
-    """Whether what effects leave is too far from noise for a recording to be explained."""
-    return left_over is not None and left_over.ratio > MOST_LEFT
+def far_from_noise(left_over: Colour | None, explained: float) -> bool:
+    """Whether what effects leave is too far from noise for a recording to be explained.
+
+    Args:
+        left_over: where most is left; None where it is noise.
+        explained: share of the power beyond noise that they explain.
+    """
+    return left_over is not None and left_over.ratio > MOST_LEFT and explained < NEARLY_ALL
 
 
 def balance_verdicts(

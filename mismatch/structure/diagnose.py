@@ -58,6 +58,10 @@ AS_CLOSE = 1.0
 """The same of a model without effects, where the first diagnosis does not explain the recording: a file
 whose parameters are wrong needs no further physics."""
 
+NAMED = 1.05
+"""The same where the first diagnosis is close by a shape or a formula beside its effects: effects that
+come as close are preferred."""
+
 NO_CLOSER = (
     "effects and parameters were also estimated together, which came no closer to the held-out data"
 )
@@ -114,12 +118,13 @@ def diagnose_structure(
         key=lambda one: float(np.sum(np.log(problem.likelihood.rms(one)))),
     )
     before = problem.likelihood.rms(residual)
-    if within_noise(problem, before):
+    if within_noise(problem, before) and first.verdict != PARTLY:
         return first
     search = StructureSearch(problem, effects, tick, most, _effects_of(first))
     alone = CLOSER if first.verdict == EXPLAINED else AS_CLOSE
+    named = NAMED if first.verdict == PARTLY and first.shape is not None else CLOSER
     if all(
-        total(problem.held_error(quick), before) > (CLOSER if quick.effects else alone)
+        total(problem.held_error(quick), before) > (named if quick.effects else alone)
         for quick in search.quick_pass()
     ):
         return _with_remark(first, NO_CLOSER)
@@ -129,7 +134,7 @@ def diagnose_structure(
     def closer(one: Ranked) -> bool:
         """Whether a model is closer to the held-out data, with or without their outliers."""
         error = min(total(one.held, before), total(one.compared, clipped))
-        return error <= (CLOSER if one.model.effects else alone)
+        return error <= (named if one.model.effects else alone)
 
     best, alike = choose(ranked, problem.held_error(problem.file_model()))
     if (pruned := search.pruned(best)) is not best:

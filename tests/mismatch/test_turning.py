@@ -14,8 +14,8 @@ def hidden(place: str, expression: str) -> Term:
     return Term.model_validate({"id": "hidden", "acts_on": place, "expression": expression})
 
 
-def named(found: Diagnosis, label: str) -> tuple[float, ...]:
-    assert found.verdict == "explained"
+def named(found: Diagnosis, label: str, verdict: str = "explained") -> tuple[float, ...]:
+    assert found.verdict == verdict
     assert [f.effect.label for f in found.findings] == [label]
     for column, before in found.fit_before.items():
         assert found.fit_after[column] > before
@@ -72,7 +72,10 @@ def test_a_concealed_force_across_is_named_in_its_balance() -> None:
 def test_a_concealed_steady_moment_is_named_in_the_yaw_balance() -> None:
     true = quick_tanker().with_term(hidden("yaw_moment", "6"))
     found = diagnose(quick_tanker(), swinging(true))
-    (share,) = named(found, "propeller-walk (yaw, ahead)")
+    # the formula beside it, a moment that is constant, is the truth
+    (share,) = named(found, "propeller-walk (yaw, ahead)", "partly-explained")
+    assert found.formula is not None
+    assert found.formula.term.expression == "a"
     assert share < 0.0  # a force to port at the stern turns to starboard
 
 

@@ -196,9 +196,17 @@ def test_it_starts_at_the_measured_state(frigate: Ship) -> None:
 def test_the_start_is_averaged_but_over_no_more_than_a_twentieth(
     frigate: Ship, over_s: float, rows: int, count: int
 ) -> None:
-    speed = np.linspace(10.0, 11.0, rows) ** 2
+    speed = 10.0 + 0.1 * (-1.0) ** np.arange(rows) + 0.05 * np.sin(np.arange(rows))
     table = plain(rows, **(MEASURED_START | {"shaft_speed_rad_s": speed}))
     assert Replay(frigate, table, over_s).start[1] == pytest.approx(speed[:count].mean(), rel=1e-12)
+
+
+def test_a_shaft_that_runs_up_starts_at_its_first_speed(frigate: Ship) -> None:
+    """The mean over 0.5 s would be 10.226 rad/s."""
+    speed = np.linspace(10.0, 11.0, 400) ** 2 / 10.0
+    noisy = speed + 0.002 * np.random.default_rng(0).standard_normal(400)
+    table = plain(400, **(MEASURED_START | {"shaft_speed_rad_s": noisy}))
+    assert Replay(frigate, table, 0.5).start[1] == pytest.approx(10.0, abs=0.004)
 
 
 def test_what_was_not_measured_starts_steady(frigate: Ship) -> None:

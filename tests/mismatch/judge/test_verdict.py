@@ -152,10 +152,15 @@ def test_four_fifths_must_be_explained_where_more_than_noise_is_left(
     assert verdict(selection(100.0), Whiteness([[9.0]], [[after]], null=False, left=True)) == name
 
 
-def test_a_tenfold_amplitude_of_the_noise_is_far_from_it() -> None:
-    assert not far_from_noise(None)
-    assert not far_from_noise(Colour(0, 1, 0.005, 0.02, 99.9))
-    assert far_from_noise(Colour(0, 1, 0.005, 0.02, 100.1))
+@pytest.mark.parametrize(
+    ("ratio", "explained", "far"),
+    [(99.9, 0.9, False), (100.1, 0.9, True), (100.1, 0.991, False), (100.1, 0.989, True)],
+)
+def test_ten_times_the_noise_s_amplitude_is_far_from_it(
+    ratio: float, explained: float, far: bool
+) -> None:
+    assert far_from_noise(Colour(0, 1, 0.005, 0.02, ratio), explained) is far
+    assert not far_from_noise(None, explained)
 
 
 def test_shares_are_of_what_the_ship_file_leaves_where_parameters_differ() -> None:

@@ -47,7 +47,7 @@ def test_a_summary_has_answer_findings_fit_and_notes() -> None:
             "",
             "Ship file (before) and corrected ship (after), run freely; FitPercent: 100 is perfect",
             "channel            before  after  rms before  rms after  unit",
-            "pitch_ratio          84.5   99.4         0.3          0",
+            "pitch_ratio          84.5   99.4           0          0",
             "shaft_speed_rad_s    84.5   99.4         0.3          0  rad/s",
             "judged on 180 to 240 s, which was set aside before anything was fitted",
             "",
