@@ -42,7 +42,7 @@ def headline(diagnosis: Outcome) -> str:
         names = dict.fromkeys(effect_words(f.effect) for f in diagnosis.findings)
         return _shortened(f"{verdict} by", list(names))
     if wrong := numbers_changed(diagnosis):
-        left = "; what is left has no name" if diagnosis.verdict == UNEXPLAINED else ""
+        left = "; more is missing" if diagnosis.verdict == UNEXPLAINED else ""
         return _shortened("The ship file is wrong in", wrong, left)
     if diagnosis.verdict == NOTHING:
         return f"{verdict}: the difference is within noise and the tolerances of the ship file."
@@ -62,7 +62,7 @@ def _shortened(begin: str, names: list[str], end: str = "") -> str:
         line = f"{begin} {listed([*names[:count], *([f'{more} more'] if more else [])])}{end}."
         if len(line.split()) <= MOST_WORDS:
             return line
-    return f"{begin} {len(names)} of them{end}."
+    return f"{begin} {len(names)} places{end}."
 
 
 def between(windows: list[tuple[float, float]]) -> str:

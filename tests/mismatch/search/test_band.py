@@ -30,7 +30,7 @@ def run(ship: Ship, every: int) -> pd.DataFrame:
 
 def hertz(ship: Ship, table: pd.DataFrame, exclude: tuple[str, ...] = ()) -> float:
     balances = Balances(JointReplay(ship, table))
-    effects = applicable(ship, set(table.columns), exclude)
+    effects = [e for e in applicable(ship, set(table.columns), exclude) if not e.together]
     return catalogue_hertz(balances, effects, [(0, balances.replay.rows)])
 
 

@@ -211,6 +211,9 @@ def test_a_drive_without_a_propeller_is_offered_nothing_of_one(servo: Ship) -> N
         "torque-offset (motor)",
         "load-friction (motor)",
         "torque-sensor-lag (sensor)",
+        "command-curve (motor)",
+        "command-delay (motor, torque)",
+        "command-lag (motor, torque)",
     }
     assert not any("propeller" in said for e in found.values() for said in (e.lacks, e.equation))
     drag = found["quadratic-drag (motor)"]

@@ -158,10 +158,8 @@ def test_each_number_is_one_standard_deviation_off(draggy: pd.DataFrame, scale: 
 
 
 def test_of_a_motor_its_constant_and_resistance_are_moved() -> None:
-    found = moved_in(bench_tug(), tug_run(), 1.0)
-    start = JointReplay(bench_tug(), tug_run()).start[1]
-    assert start < -10.0
-    assert found[-1][1] == pytest.approx((0.0, 0.02 * abs(start), 0.0))
+    found = moved_in(bench_tug(), tug_run().assign(shaft_speed_rad_s=-30.0), 1.0)
+    assert found[-1][1] == pytest.approx((0.0, 0.02 * 30.0, 0.0))
     fields = [fields for fields, _ in found]
     assert fields[-3:] == [
         {"motor_constant": pytest.approx(1.021)}, {"armature_resistance": pytest.approx(1.022)}, {},

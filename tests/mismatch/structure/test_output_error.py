@@ -40,13 +40,15 @@ def test_an_effect_has_the_last_word_on_a_parameter() -> None:
 
 
 def test_a_recording_that_was_not_fitted_starts_from_its_own_first_state() -> None:
-    """The mean over 40 time steps is no first state of a shaft that speeds up."""
-    own = problem(motor(), run(seed=6), run(seed=7).iloc[30:].reset_index(drop=True))
+    """The shaft speed is read too high in the first rows, as after a logger's start."""
+    late = run(seed=7).iloc[30:].reset_index(drop=True)
+    late.loc[:5, "shaft_speed_rad_s"] += 15.0
+    own = problem(motor(), run(seed=6), late)
     model = own.fit((), own.file_model())
     free = own.channels(model.effects, model.shifts, model.nuisance)[0][:, own.held_rows]
-    plain = np.sqrt(np.mean((own.measured[:, own.held_rows] - free)[0, :40] ** 2))
-    told = np.sqrt(np.mean((own.measured - own.simulate(model))[0, own.held_rows[:40]] ** 2))
-    assert told < 0.5 < plain
+    plain = np.sqrt(np.mean((own.measured[:, own.held_rows] - free)[0, 6:60] ** 2))
+    told = np.sqrt(np.mean((own.measured - own.simulate(model))[0, own.held_rows[6:60]] ** 2))
+    assert told < 0.6 * plain
 
 
 def test_rows_that_lie_far_off_count_less() -> None:
