@@ -42,7 +42,7 @@ def headline(diagnosis: Outcome) -> str:
         names = dict.fromkeys(effect_words(f.effect) for f in diagnosis.findings)
         return _shortened(f"{verdict} by", list(names))
     if wrong := numbers_changed(diagnosis):
-        left = "; more is missing" if diagnosis.verdict == UNEXPLAINED else ""
+        left = "; more is missing" if differs(diagnosis) else ""
         return _shortened("The ship file is wrong in", wrong, left)
     if diagnosis.verdict == NOTHING:
         return f"{verdict}: the difference is within noise and the tolerances of the ship file."
@@ -152,10 +152,9 @@ def sentence(diagnosis: Outcome) -> str:
         return f"Something is missing that has no name. {formula_sentence(diagnosis.formula)}"
     if shape is None:
         if biased := biased_parameters(diagnosis):
-            return (
-                f"Parameters of the ship file are wrong: {biased}. What is left is more than noise, and "
-                "the catalogue does not name it."
-            )
+            said = f"Parameters of the ship file are wrong: {biased}."
+            left = " What is left is more than noise, and the catalogue does not name it."
+            return said + left if differs(diagnosis) else said
         return "Something is missing that the catalogue does not name."
     signal = shape.signal.replace("_", " ")
     low, high = float(np.min(shape.values)), float(np.max(shape.values))

@@ -54,13 +54,10 @@ CLOSER = 0.8
 """Share of the first diagnosis's held-out error that the model of this search must come below, as the
 channels' geometric mean. Otherwise the first diagnosis stands: it knows effects that act for a time."""
 
-AS_CLOSE = 1.0
-"""The same of a model without effects, where the first diagnosis does not explain the recording: a file
-whose parameters are wrong needs no further physics."""
-
-NAMED = 1.05
-"""The same where the first diagnosis is close by a shape or a formula beside its effects: effects that
-come as close are preferred."""
+AS_CLOSE = 1.05
+"""The same where the first diagnosis does not explain the recording, of a model without effects; and of
+any model where the first one is close by a shape or a formula beside its effects. Wrong parameters and
+effects that come as close are preferred to what has no name."""
 
 NO_CLOSER = (
     "effects and parameters were also estimated together, which came no closer to the held-out data"
@@ -118,11 +115,11 @@ def diagnose_structure(
         key=lambda one: float(np.sum(np.log(problem.likelihood.rms(one)))),
     )
     before = problem.likelihood.rms(residual)
-    if within_noise(problem, before) and first.verdict != PARTLY:
+    if within_noise(problem, before) and first.verdict in (EXPLAINED, NOTHING):
         return first
     search = StructureSearch(problem, effects, tick, most, _effects_of(first))
     alone = CLOSER if first.verdict == EXPLAINED else AS_CLOSE
-    named = NAMED if first.verdict == PARTLY and first.shape is not None else CLOSER
+    named = AS_CLOSE if first.verdict == PARTLY and first.shape is not None else CLOSER
     if all(
         total(problem.held_error(quick), before) > (named if quick.effects else alone)
         for quick in search.quick_pass()
@@ -302,7 +299,8 @@ def _verdict(best: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit)
     quiet = within_noise(problem, best.held)
     white = whiteness.colour(fit) is None
     if not best.model.effects:
-        return NOTHING if quiet or white else UNEXPLAINED
+        wrong = problem.moved_far(best.model)
+        return NOTHING if (quiet or white) and not wrong else UNEXPLAINED
     ship = problem.trial_ship
     doubted = any(at_bound(ship, placed) or implausible(ship, placed) for placed in fit.effects)
     sound = not doubted and not problem.moved_far(best.model)

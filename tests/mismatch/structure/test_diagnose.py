@@ -75,6 +75,18 @@ def test_a_healthy_rig_lacks_nothing() -> None:
     assert found.findings == []
 
 
+def test_a_file_that_is_wrong_is_no_healthy_rig() -> None:
+    """Half of the inertia: no physics is missing, and the file is not right."""
+    tables = [run({INERTIA: 1.6e-3}, seed) for seed in (4, 5, 6)]
+    found = diagnose(motor(), *tables[:2], hold_out=tables[2:], options=OPTIONS)
+    assert (found.verdict, found.findings) == ("unexplained", [])
+    assert found.headline == "The ship file is wrong in inertia engine side."
+    assert found.sentence.startswith("Parameters of the ship file are wrong: transmission.inertia")
+    (number,) = found.numbers
+    assert number.corrected == pytest.approx(1.6e-3, rel=0.02)
+    assert all(b.left is None for b in found.balance_verdicts)
+
+
 def test_a_recording_too_dull_to_decide_is_not_healthy() -> None:
     tables = [run(seed=seed).assign(motor_voltage_V=6.0) for seed in (4, 5)]
     for table in tables:
