@@ -98,7 +98,7 @@ def test_the_page_on_own_physics_holds(tmp_path: Path, monkeypatch: pytest.Monke
         result = CliRunner().invoke(app, command.split())
         assert result.exit_code == 0, result.output
     report = json.loads(Path("out/wind/report.json").read_text())
-    said = re.search(r"\*\"explained: (.*), …\"\*", text)
+    said = re.search(r"\*\"(Between .*), …\"\*", text)
     assert said is not None
     assert said[1] in report["sentence"]
     assert [effect["id"] for effect in report["effects"]] == ["apparent-wind"]

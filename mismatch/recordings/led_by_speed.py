@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from ...plant.columns import SHAFT_SPEED, drive_column
-from ...plant.drives.speed_source import SpeedSource
+from ...plant.drives.speed_source import speed_held
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .slips import top_speed
@@ -47,7 +47,7 @@ def led_by_speed(ship: Ship) -> Ship:
         ship: the ship; tolerances of its prime mover and terms that act on it are left out.
     """
     # half as much again as the engine's rated speed: noise on a measured speed must meet no end stop
-    mover = SpeedSource(type="speed-command", speed_max_rad_s=min(top_speed(ship) / 2.0, 1e4))
+    mover = speed_held(min(top_speed(ship) / 2.0, 1e4))
     known = ship.tolerances
     numbers = {k: v for k, v in known.numbers.items() if not k.startswith("prime_mover.")}
     terms = tuple(term for term in ship.term if term.acts_on not in ("drive", "drive_torque"))

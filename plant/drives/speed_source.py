@@ -43,6 +43,11 @@ class SpeedSource(PrimeMover):
         record["speed_held"] = 1
 
 
+def speed_held(most: float) -> SpeedSource:
+    """Return a drive that holds the shaft at up to some speed [rad/s], either way."""
+    return SpeedSource(type="speed-command", speed_max_rad_s=most)
+
+
 @compiled
 def holding_torque(plant: Record, load_torque: Real, shaft_acceleration: Real) -> Real:
     """Torque [N m] on the shaft that carries its load [N m] and accelerates it as told [rad/s2]."""
