@@ -10,7 +10,6 @@ import typer
 
 from .. import display
 from ..core.files import check_writable, write_atomically
-from ..mismatch import load_recording
 from ..observers import follow_table, get_observer
 from ..observers.metrics import with_noisy_readings
 from ..plant import get_sea, load_ship, realise
@@ -101,6 +100,8 @@ def simulate(
             waves = get_sea(sea or "calm")
             realised = realise(waves, vessel.propeller.depth_m, seed) if waves else None
             if columns is not None:
+                from ..mismatch import load_recording  # slow, and needed for a map alone
+
                 recording = load_recording(inputs, vessel, columns).table
             else:
                 recording = read_recording(

@@ -99,7 +99,7 @@ class Outcome:
 
     @property
     def held_rows(self) -> NDArray[np.bool_]:
-        """Whether each row was set aside, shape (rows,)."""
+        """Whether each row is held out, shape (rows,)."""
         half = 0.5 * float(self.time_s[1] - self.time_s[0])
         inside = [(self.time_s > a - half) & (self.time_s < b - half) for a, b in self.held_out]
         return np.asarray(np.any(inside, axis=0))

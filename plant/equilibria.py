@@ -15,12 +15,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
-from .columns import MEASURED, TIME, answered_columns, drive_column, input_columns
+from .columns import MEASURED, answered_columns, input_columns
 from .dynamics import evaluate, settled
 from .hull import episode_factor
 from .memory import MEMORY, current_read, pitch_read, speed_read, thrust_read, torque_read
-from .recording import RecordingError
-from .replay import WATER, Replay
+from .recorded_inputs import WATER, RecordedInputs
+from .replay import Replay
 from .shaft import shaft_inertia
 from .ship import Ship
 from .signals import SAMPLE
@@ -210,31 +210,11 @@ class SteadyReplay(Replay):
     """
 
     def __init__(self, ship: Ship, table: pd.DataFrame) -> None:
-        self.ship = ship
-        self.table = table
-        time = self._column(TIME)
-        self.rows = len(time)
-        if self.rows < 2 or not (np.diff(time) > 0.0).all():
-            raise RecordingError(f"{TIME}: at least two rows are needed, and time must rise")
-        self.interval_s = self.dt = float((time[-1] - time[0]) / (self.rows - 1))
-        self.per_row = 1
-        self.time_s = time - time[0]
-        self.drive = self.drive_rows = self._column(drive_column(ship))
-        self.command = np.full(self.rows, ship.propeller.pitch_ratio_max)
-        if ship.has_variable_pitch and "pitch_ratio_command" in table:
-            self.command = self._column("pitch_ratio_command")
-        self.pitch = self.command
+        RecordedInputs.__init__(self, ship, table)
+        self.dt, self.per_row = self.interval_s, 1
+        self.drive, self.pitch = self.drive_rows, self.command
         self.helm_measured = False
         self.rudder = self.rudder_rows = np.zeros(self.rows)
-        self.elevation_rows = np.zeros(self.rows)
-        if WATER[0] in table:
-            self.elevation_rows = self._column(WATER[0]) - ship.propeller.depth_m
-        self._met = self._column(WATER[1]) if WATER[1] in table else None
-        self._speed = np.zeros(self.rows)
-        if self._met is not None and ship.moves:
-            if "ship_speed_m_s" not in table:
-                raise RecordingError("inflow_velocity_m_s asks for ship_speed_m_s beside it")
-            self._speed = self._column("ship_speed_m_s")
         self.channels = [column for column in answered_columns(ship) if column in table]
         self.start = self._running_state()
         self._beside = {}

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.compiled import Record, compiled
 from ..core.sizes import check_size
 from .columns import (
     IN_A_TURN,
@@ -21,16 +20,14 @@ from .columns import (
     RUDDER_COMMAND,
     SHAFT_ANGLE,
     SHAFT_SPEED,
-    TIME,
     answered_columns,
-    drive_column,
     input_columns,
     signal_columns,
 )
 from .divergence import refuse_divergence
 from .dynamics import settled
-from .hull import wake_inflow, water_speed
 from .memory import MEMORY
+from .recorded_inputs import WATER, RecordedInputs
 from .recording import RecordingError
 from .ship import Ship
 from .ship_checks import refuse_waves
@@ -42,9 +39,6 @@ from .term_kernel import outside_at
 from .validity import warn_of_departures
 from .waves import calm
 
-WATER = ("propeller_submergence_m", "inflow_velocity_m_s")
-"""Columns of what the water does, which act where a recording has them."""
-
 _START = ("pitch_ratio", SHAFT_SPEED, "ship_speed_m_s")
 
 IN_THE_PLANE = ("sway_speed", "yaw_rate", "heading")
@@ -55,16 +49,7 @@ _own = threading.local()
 """Each thread's memory for samples, as long as its longest run asked for."""
 
 
-@compiled
-def _fill_inflow(
-    plant: Record, ship_speed: NDArray[np.float64], inflow: NDArray[np.float64]
-) -> None:
-    """Advance velocity [m/s] in the wake at each ship speed [m/s]; ``inflow`` filled."""
-    for k in range(len(ship_speed)):
-        inflow[k] = wake_inflow(plant, water_speed(plant, ship_speed[k]))
-
-
-class Replay:
+class Replay(RecordedInputs):
     """One recording's inputs, ready to drive a ship many times.
 
     Demands are held between rows, or drawn as a straight line if so asked: a logged command of a
@@ -93,23 +78,12 @@ class Replay:
     def __init__(
         self, ship: Ship, table: pd.DataFrame, start_over_s: float = 0.0, line: bool = False
     ) -> None:
-        self.ship = ship
-        self.table = table
-        time = self._column(TIME)
-        self.rows = len(time)
-        if self.rows < 2 or not (np.diff(time) > 0.0).all():
-            raise RecordingError(f"{TIME}: at least two rows are needed, and time must rise")
-        self.interval_s = float((time[-1] - time[0]) / (self.rows - 1))
-        self.time_s = time - time[0]
+        super().__init__(ship, table)
         self.per_row = max(1, math.ceil(self.interval_s / ship.time_step_s - 1e-9))
         self.dt = self.interval_s / self.per_row
         steps = float(self.rows) * self.per_row
         check_size(steps, SAMPLE.itemsize + 80.0, f"steps of {self.dt:.3g} s in its span")
         ship.with_values({"integration.time_step_s": self.dt})  # for its checks
-        self.drive_rows = self._column(drive_column(ship))
-        self.command = np.full(self.rows, ship.propeller.pitch_ratio_max)
-        if ship.has_variable_pitch and "pitch_ratio_command" in table:
-            self.command = self._column("pitch_ratio_command")
         between = self._drawn if line else self._held
         self.drive, self.pitch = between(self.drive_rows), between(self.command)
         self.helm_measured = ship.turns and RUDDER_COMMAND not in table and RUDDER in table
@@ -121,15 +95,6 @@ class Replay:
         if not ship.turns_freely:  # led from each measured speed to the next
             ends = self.dt * np.arange(1.0, len(self.drive) + 1.0)
             self.drive = np.interp(ends, self.time_s, self.drive_rows)
-        self.elevation_rows = np.zeros(self.rows)
-        if WATER[0] in table:
-            self.elevation_rows = self._column(WATER[0]) - ship.propeller.depth_m
-        self._met = self._column(WATER[1]) if WATER[1] in table else None
-        self._speed = np.zeros(self.rows)
-        if self._met is not None and ship.moves:
-            if "ship_speed_m_s" not in table:
-                raise RecordingError("inflow_velocity_m_s asks for ship_speed_m_s beside it")
-            self._speed = self._column("ship_speed_m_s")
         self.elevation = self._continuous(self.elevation_rows)
         self.resistance_factor = np.ones(2 * len(self.drive) + 1)
         answered = [c for c in answered_columns(ship) if not (c == RUDDER and self.helm_measured)]
@@ -140,16 +105,6 @@ class Replay:
         heard = (name for name in ship.signals if name in table)
         self.signals = ship.outside_rows({n: self._continuous(self._column(n)) for n in heard})
         self._still = np.zeros(2 * len(self.drive) + 1)
-
-    def _column(self, name: str, count: int | None = None) -> NDArray[np.float64]:
-        """The first values of a column, all by default; what follows them is not looked at."""
-        if name not in self.table:
-            raise RecordingError(f"column {name!r} is missing; found: {', '.join(self.table)}")
-        values = np.asarray(self.table[name], dtype=np.float64)[:count]
-        if not np.isfinite(values).all():
-            row = int(np.argmin(np.isfinite(values)))
-            raise RecordingError(f"{name}, row {row + 1}: {values[row]} is not a finite number")
-        return values
 
     def _held(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.ascontiguousarray(np.repeat(rows[:-1], self.per_row))
@@ -232,18 +187,6 @@ class Replay:
             self.time_s[:count], angle - angle[0], degree, domain=[0.0, 1.0], window=[0.0, 1.0]
         )
         return float(angle[0] + found(0.0)), float(found.deriv()(0.0))
-
-    def inflow_rows(self, plant: Any) -> NDArray[np.float64]:
-        """Disturbance u_x [m/s] at the rows that brings the inflow to the measured one; else 0.
-
-        Args:
-            plant: ship record.
-        """
-        if self._met is None:
-            return np.zeros(self.rows)
-        nominal = np.empty(self.rows)
-        _fill_inflow(plant, self._speed, nominal)
-        return np.asarray(self._met - nominal)
 
     def inflow(self, plant: Any) -> NDArray[np.float64]:
         """The same at the steps' starts and middles and the last one's end, shape (2 steps + 1,)."""

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...plant.columns import RUDDER, RUDDER_COMMAND, SWAY_SPEED, YAW_RATE, drive_column
-from ...plant.replay import WATER
+from ...plant.recorded_inputs import WATER
 from ...plant.ship import Ship
 from ..judge.fit import ROUNDING
 from ..recordings.noise import white_rms

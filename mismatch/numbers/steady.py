@@ -32,7 +32,7 @@ from ...plant.columns import (
 )
 from ...plant.dynamics import evaluate, settled
 from ...plant.hull import wake_inflow, water_speed
-from ...plant.replay import WATER
+from ...plant.recorded_inputs import WATER
 from ...plant.shaft import shaft_inertia
 from ...plant.ship import Ship
 from ...plant.state import Inputs, State

@@ -115,9 +115,8 @@ def _by_name(
         for name, split in names.items():
             place = rank(split, column, ship, column in ordered)
             values = _numbers(left[name])
-            if (
-                column != TIME and len(values) < len(left) / 2
-            ):  # words, such as the source of a speed
+            # words, such as the source of a speed
+            if column != TIME and len(values) < len(left) / 2:
                 continue
             if column in (SHAFT_POWER, ELECTRIC_POWER) and not np.any(values):  # not connected
                 continue

@@ -14,10 +14,8 @@ _SIGNED = ("shaft_torque_N_m", "thrust_N", "ship_speed_m_s", "motor_current_A", 
 _BOTH_WAYS = 0.1  # share of a signal's size that it must reach either way to reverse
 _NEVER = 0.02  # share of a channel's size, and
 _NOISES = 4.0  # multiple of its noise, by which a magnitude may lie below zero
-_RECTIFIED, _CLEARLY = (
-    0.6,
-    0.2,
-)  # correlation with the magnitude, and how much better than with the sign
+_RECTIFIED = 0.6  # correlation with the magnitude, and
+_CLEARLY = 0.2  # how much larger than that with the signed signal it must be
 
 
 def rectified_remark(

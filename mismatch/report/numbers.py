@@ -56,21 +56,26 @@ def wrong_words(wrong: WrongNumber) -> str:
 
 def numbers_that_explain(diagnosis: Outcome) -> str:
     """Free numbers that were put right, in words; empty where none was."""
-    return _changes([n for n in diagnosis.numbers if n.source == "free" and n.corrected != n.file])
-
-
-def numbers_changed(diagnosis: Outcome) -> list[str]:
-    """Return the keys of the parameters that alone were corrected, in words; empty where none was."""
-    changed = [n for n in diagnosis.numbers if n.corrected != n.file]
-    told = [n for n in changed if n.source == "free" or abs(n.shifts) > FAR_TOLERANCES]
-    return [parameter_words(n.key.rpartition(".")[2], n.unit) for n in told]
+    return _changes([n for n in _corrected(diagnosis) if n.source == "free"])
 
 
 def biased_parameters(diagnosis: Outcome) -> str:
     """Return the corrected parameters beyond three tolerances in words; empty where there are none."""
-    return _changes(
-        [n for n in diagnosis.numbers if abs(n.shifts) > FAR_TOLERANCES and n.corrected != n.file]
-    )
+    return _changes([n for n in _corrected(diagnosis) if _is_far(n)])
+
+
+def numbers_changed(diagnosis: Outcome) -> list[str]:
+    """Return the names of the parameters of either kind; empty where there are none."""
+    changed = [n for n in _corrected(diagnosis) if n.source == "free" or _is_far(n)]
+    return [parameter_words(n.key.rpartition(".")[2], n.unit) for n in changed]
+
+
+def _corrected(diagnosis: Outcome) -> list[MovedNumber]:
+    return [n for n in diagnosis.numbers if n.corrected != n.file]
+
+
+def _is_far(moved: MovedNumber) -> bool:
+    return abs(moved.shifts) > FAR_TOLERANCES
 
 
 def _changes(numbers: list[MovedNumber]) -> str:

@@ -88,20 +88,6 @@ def tolerance_moves(
         if tolerance != 0.0 and key not in told:
             yield _moved(ship, {key: tolerance * unit})
 
-    def first_states() -> Iterator[Moved]:
-        """The first state off."""
-        if ship.turns_freely:
-            shaft = max(abs(replay.start[1]), 1.0)
-            yield Moved(ship.record(), (0.0, scale * START["shaft_speed"] * shaft, 0.0))
-        if replay.controllable:
-            yield Moved(ship.record(), (scale * START["pitch_ratio"], 0.0, 0.0))
-        if ship.moves:
-            yield Moved(ship.record(), (0.0, 0.0, scale * START["ship_speed"]))
-        if ship.moves and ship.turns:
-            across = scale * START["ship_speed"]
-            yield Moved(ship.record(), (*UNMOVED, across))
-            yield Moved(ship.record(), (*UNMOVED, 0.0, 2.0 * across / ship.manoeuvring.length_m))
-
     if ship.moves:
         yield from off("hull.resistance_coefficient_N_s2_m2")
         yield from off("hull.mass_kg")
@@ -138,8 +124,36 @@ def tolerance_moves(
     ]  # fmt: skip
     for numbers in _joint(ship, told_by_file, scale):
         yield _moved(ship, numbers, near)
-    if not replay.steady:  # an equilibrium depends on no first state
-        yield from first_states()
+    deviations = first_state_deviations(replay)
+    for k in (1, 0, *range(2, len(deviations))):
+        if deviations[k] > 0.0:
+            shift = [0.0] * max(k + 1, len(UNMOVED))
+            shift[k] = scale * deviations[k]
+            yield Moved(ship.record(), tuple(shift))
+
+
+def first_state_deviations(replay: JointReplay) -> list[float]:
+    """Return the standard deviation of each state of a recording's first row, by :data:`START`.
+
+    Args:
+        replay: of the recordings.
+
+    Returns:
+        Of pitch ratio [-], shaft speed [rad/s] and ship speed [m/s], and of a ship that turns sway speed
+        [m/s] and yaw rate [rad/s]; 0 of a state that is known.
+    """
+    ship = replay.ship
+    shaft = max(abs(replay.start[1]), 1.0)
+    found = [
+        START["pitch_ratio"] if replay.controllable else 0.0,
+        START["shaft_speed"] * shaft if ship.turns_freely else 0.0,
+        START["ship_speed"] if ship.moves else 0.0,
+    ]
+    if ship.moves and ship.turns:
+        across = START["ship_speed"]
+        found += [across, 2.0 * across / ship.manoeuvring.length_m]
+    # an equilibrium depends on no first state
+    return [0.0] * len(found) if replay.steady else found
 
 
 def _joint(ship: Ship, keys: list[str], scale: float) -> Iterator[dict[str, float]]:

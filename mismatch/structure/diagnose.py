@@ -143,8 +143,7 @@ def diagnose_structure(
         return _doubted(first)
     model, replaced = replace_far_parameters(search, best.model)
     if replaced:
-        held = problem.held_error(model)
-        best, alike = Ranked(model, search.merit(model), held, held), []
+        best, alike = search.ranked(model), []
     found = _diagnosed(first, search, setting, together, best, alike, ranked)
     wrong = [biased_parameter(first.ship, replaced, finding) for finding in found.findings]
     return replace(found, wrong=wrong)

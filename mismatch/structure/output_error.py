@@ -25,7 +25,7 @@ from ..search.placed import Placed
 from ..search.trial_ship import TrialShip
 from ..simulate.at_once import at_once
 from ..simulate.balances import Balances
-from ..simulate.tolerances import START
+from ..simulate.tolerances import first_state_deviations
 from .coordinates import FIXED, Coordinates
 from .first_states import with_first_states
 from .likelihood import Likelihood
@@ -38,8 +38,9 @@ SKEW_ROWS = 0.29
 """Standard deviation of the shift of a channel's clock, in recorded rows: evenly likely up to half."""
 
 START_PRECISION = 0.01
-"""Precision of a first state's shift in the deviations of :data:`START`: ten of them, because a lagging
-instrument does not measure the state."""
+"""Precision of a first state's shift, in the deviations of
+:func:`.tolerances.first_state_deviations`: ten of them, because a lagging instrument does not measure
+the state."""
 
 MOST_STEPS, SETTLED = 14, 0.02
 """Gauss-Newton steps of a fit, at most; and the gain in 2 log L of a step below which it ends."""
@@ -85,20 +86,7 @@ class OutputError:
             np.concatenate([np.arange(a, b) for a, b in segments]) for segments in (fitted, held)
         )
         self.simulations = 0
-        ship = self.replay.ship
-        shaft = max(abs(self.replay.start[1]), 1.0)
-        start = [
-            START["pitch_ratio"] if self.replay.controllable else 0.0,
-            START["shaft_speed"] * shaft if ship.turns_freely else 0.0,
-            START["ship_speed"] if ship.moves else 0.0,
-        ]
-        if (
-            ship.moves and ship.turns
-        ):  # sway, and a rate of turn that gives as much at bow and stern
-            across = START["ship_speed"]
-            start += [across, 2.0 * across / ship.manoeuvring.length_m]
-        if self.replay.steady:  # an equilibrium depends on no first state
-            start = [0.0] * len(start)
+        start = first_state_deviations(self.replay)
         self.states = len(start)
         self.starts = np.tile(start, len(self.replay.runs))
         self.measured = np.array([self.replay.recorded[c] for c in self.names])

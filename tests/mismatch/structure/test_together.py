@@ -17,22 +17,15 @@ from shaftline.plant import Ship, simulate_recording
 ROWS, INTERVAL_S = 2000, 0.02
 
 
-def flywheel() -> Ship:
+@pytest.fixture
+def flywheel(servo: Ship) -> Ship:
     """A flywheel with viscous friction that a torque command drives."""
-    return Ship.model_validate(
+    return servo.with_values(
         {
-            "name": "flywheel",
-            "hull": {"fixed": True},
-            "propeller": {"model": "none"},
-            "prime_mover": {"type": "torque-command", "torque_max_N_m": 1.0},
-            "transmission": {
-                "gear_ratio": 1.0,
-                "efficiency": 1.0,
-                "inertia_engine_side_kg_m2": 5e-3,
-                "inertia_propeller_side_kg_m2": 0.0,
-                "viscous_friction_engine_side_N_m_s_rad": 1e-2,
-            },
-            "integration": {"time_step_s": 0.01},
+            "prime_mover.torque_max_N_m": 1.0,
+            "transmission.inertia_engine_side_kg_m2": 5e-3,
+            "transmission.viscous_friction_engine_side_N_m_s_rad": 1e-2,
+            "integration.time_step_s": 0.01,
         }
     )
 
@@ -47,17 +40,17 @@ def run(ship: Ship, seed: int = 0) -> pd.DataFrame:
     return table.assign(shaft_speed_rad_s=true["shaft_speed_rad_s"] + noise)
 
 
-def with_effects(values: dict[str, tuple[float, ...]]) -> Ship:
-    """The flywheel with effects of the catalogue, by label."""
-    trial_ship = TrialShip(Balances(JointReplay(flywheel(), run(flywheel()))))
+def with_effects(ship: Ship, values: dict[str, tuple[float, ...]]) -> Ship:
+    """A ship with effects of the catalogue, by label."""
+    trial_ship = TrialShip(Balances(JointReplay(ship, run(ship))))
     entries = {effect.label: effect for effect in catalogue()}
     return trial_ship.corrected(tuple(Placed(entries[k], v) for k, v in values.items()))
 
 
-def test_a_curve_of_the_command_and_a_lag_are_found_together() -> None:
+def test_a_curve_of_the_command_and_a_lag_are_found_together(flywheel: Ship) -> None:
     truth = {"command-curve (motor)": (1.0, 0.2), "command-lag (motor, torque)": (0.15,)}
-    table = run(with_effects(truth), seed=1)
-    found = diagnose(flywheel(), table)
+    table = run(with_effects(flywheel, truth), seed=1)
+    found = diagnose(flywheel, table)
     values = {f.effect.label: f.estimates[0] for f in found.findings}
     assert set(values) == set(truth)
     for label, (true, *_) in truth.items():
@@ -66,10 +59,10 @@ def test_a_curve_of_the_command_and_a_lag_are_found_together() -> None:
         assert values[label].value == pytest.approx(true, rel=0.1)
     assert found.verdict == "explained"
     # held parameters alone do not tell: the first search has neither of them
-    quick = diagnose(flywheel(), table, options=Options(quick=True))
+    quick = diagnose(flywheel, table, options=Options(quick=True))
     assert not {f.effect.id for f in quick.findings} & {"command-curve", "command-lag"}
 
 
-def test_a_drive_without_either_is_given_neither() -> None:
-    found = diagnose(flywheel(), run(flywheel(), seed=2))
+def test_a_drive_without_either_is_given_neither(flywheel: Ship) -> None:
+    found = diagnose(flywheel, run(flywheel, seed=2))
     assert (found.verdict, found.findings) == ("nothing-missing", [])
