@@ -5,14 +5,12 @@ outliers, cannot be estimated from a model that lacks something. The thorough pa
 each model of its beam it tries the effects, and the pairs of effects, that a linearisation at the
 refitted model predicts to help most. Each is fitted with everything else free, first with the
 derivatives of the beam's model, which costs few simulations; the best are then fitted to the end.
-Simpler forms of the best models are fitted as well.
+Effects of the best models are then left out, exchanged, or tried in their other forms.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +46,7 @@ EXCHANGED = 4
 """Effects that are tried instead of one effect of a model."""
 
 VARIED = 2
-"""Models of a round, the best first, whose effects are left out, simplified or exchanged."""
+"""Models of a round, the best first, whose effects are left out, exchanged, or take other forms."""
 
 FITTED = 6
 """Models of a round, the best first, that are fitted with their own derivatives."""
@@ -90,7 +88,7 @@ class StructureSearch:
         self.pool: dict[frozenset[str], Model] = {}
         self._suggested = suggested
         self._quick: list[Model] = []
-        self._screened: dict[frozenset[str], list[Placed]] = {}  # of models by labels, best first
+        self._screened: dict[frozenset[str], list[Screened]] = {}  # of models by labels, best first
         self.limit = np.full(len(problem.names), math.inf)
 
     def search(self) -> list[Ranked]:
@@ -211,7 +209,7 @@ class StructureSearch:
         self.pool[model.labels] = model
 
     def _vary(self, found: dict[frozenset[str], Model], varied: set[frozenset[str]]) -> None:
-        """Fit the best models with one effect left out, in a simpler form, or exchanged for another.
+        """Fit the best models with one effect left out, in another form, or exchanged for another.
 
         Args:
             found: models by labels, to which these are added.
@@ -227,27 +225,27 @@ class StructureSearch:
                 rest = model.effects[:which] + model.effects[which + 1 :]
                 begin = self.problem.fit(rest, model, tangent=tangent)
                 self._keep(found, begin)
-                for effects in (*self._simpler_forms(model, which), *self._exchanges(begin)):
+                for start in self._in_place(begin, model.effects[which]):
+                    effects = start.in_place_of(model.effects, which)
                     labels = frozenset(placed.effect.label for placed in effects)
                     if labels not in found:
                         self._keep(found, self.problem.fit(effects, begin, tangent=tangent))
 
-    def _exchanges(self, rest: Model) -> list[tuple[Placed, ...]]:
-        """Return a model's effects with one of those that are predicted to help most."""
+    def _in_place(self, rest: Model, own: Placed) -> list[Placed]:
+        """Return what may stand in place of an effect: its other forms, and the best other effects.
+
+        Args:
+            rest: the model without the effect.
+            own: the effect.
+        """
         if not math.isfinite(rest.score):
             return []
         if rest.labels not in self._screened:
-            self._screened[rest.labels] = _starts(Base(self.problem, rest).screen(self.effects))
-        return [(*rest.effects, start) for start in self._screened[rest.labels][:EXCHANGED]]
-
-    def _simpler_forms(self, model: Model, which: int) -> Iterator[tuple[Placed, ...]]:
-        """Yield a model's effects with one of them in a form of fewer values."""
-        own = model.effects[which]
-        for form in self.effects:
-            if form.kind == own.effect.kind and len(form.parameters) < len(own.values):
-                probes = self.problem.trial_ship.trials(form, [])
-                for other in itertools.islice(probes, 0, None, 2):
-                    yield other.in_place_of(model.effects, which)
+            self._screened[rest.labels] = Base(self.problem, rest).screen(self.effects)
+        screened = self._screened[rest.labels]
+        forms = [one.starts[0][1] for one in screened if one.effect.kind == own.effect.kind]
+        others = [one for one in screened if one.effect.kind != own.effect.kind]
+        return [*forms, *_starts(others)[:EXCHANGED]]
 
     def _trials(self, beam: list[Model], effort: Effort) -> list[tuple[Base, tuple[Placed, ...]]]:
         """Return models to fit, from each model of the beam.
@@ -270,7 +268,7 @@ class StructureSearch:
         trials: list[tuple[Base, tuple[Placed, ...]]] = []
         own = base.model.effects
         screened = base.screen(self.effects)
-        self._screened[base.model.labels] = _starts(screened)
+        self._screened[base.model.labels] = screened
         kinds: dict[tuple[str, str], int] = {}
         for one in screened:
             forms = kinds.get(one.effect.kind, 0)
