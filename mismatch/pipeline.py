@@ -220,8 +220,6 @@ def _judged(
         elif formula is not None or far_from_noise(verdict.left_over, verdict.explained):
             verdict = replace(verdict, name=PARTLY)
     undecidable = too_little(replay.excited, together.limits)
-    if verdict.name == NOTHING and undecidable:  # which is not the same
-        verdict = replace(verdict, name=UNEXPLAINED)
     fit = selection.fit
     named = verdict.name in (EXPLAINED, PARTLY)
     told = fit if named else fitter.null
@@ -251,6 +249,9 @@ def _judged(
     warnings = not_carried(spoilt) if findings and corrected == ship else []
     # with all signals of the replay, for a record hears them by their place
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
+    parameters = numbers.told(told, corrected)
+    if verdict.name == NOTHING and (undecidable or any(n.is_biased for n in parameters)):
+        verdict = replace(verdict, name=UNEXPLAINED)
     if corrected.signals:
         corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.hears})
     fit_before = fits(measured, before, rows)
@@ -294,7 +295,7 @@ def _judged(
         rows_averaged=replay.every,
         limits=together.limits,
         warnings=together.warnings + constant + list(numbers.start.remarks) + warnings,
-        numbers=numbers.told(told, corrected),
+        numbers=parameters,
         wrong=wrong_numbers(fitter, selection) if named else [],
         formula=formula,
     )  # fmt: skip

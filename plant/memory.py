@@ -12,7 +12,7 @@ from .actuators import lagged_travel, rack_travel
 from .keys import Section, effect
 from .state import Outputs, State
 
-HISTORY = 128
+HISTORY = 512
 """Samples that a delay can look back."""
 
 

@@ -60,6 +60,16 @@ class MovedNumber:
     source: str
     corrected: float
 
+    @property
+    def is_far(self) -> bool:
+        """Whether the recording moved the parameter beyond :data:`FAR_TOLERANCES`."""
+        return abs(self.shifts) > FAR_TOLERANCES
+
+    @property
+    def is_biased(self) -> bool:
+        """Whether it is far though the ship file's tolerance should hold it, and was corrected."""
+        return self.is_far and self.source == "tolerance" and self.corrected != self.file
+
 
 class Numbers:
     """The numbers of a ship in one diagnosis.

@@ -12,7 +12,7 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from ...plant.columns import BOUNDS, SHAFT_ANGLE, answered_columns, drive_column
+from ...plant.columns import BOUNDS, SHAFT_ANGLE, SHAFT_SPEED, answered_columns, drive_column
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
 from .loading import loaded
@@ -26,6 +26,7 @@ _FEWEST_ROWS = 200
 _WRAPPED = 2.05 * math.pi  # rad; an angle that stays inside it and jumps has lost its turns
 _TIME_CONSTANTS = 3.0
 _FAST_S = 0.04  # interval below which a ship's logger is rare
+_STARTED = 0.5  # share of the largest shaft speed by which it moves in a start from rest
 _DULL_DEMAND = 0.05  # share of its range over which a demand must move
 _DULL_SIGNAL = 3.0  # multiple of its noise over which a measurement must move
 _SLACK, _ODD_SHARE = 0.005, 0.01  # of a pitch order beyond its limits; share of the rows
@@ -91,6 +92,14 @@ def _if_minutes(interval: float) -> str:
     return '; if time_s counts minutes, say unit = "min" in the column map'
 
 
+def _starts_up(table: pd.DataFrame) -> bool:
+    """Return whether the shaft speed moves much, as after one step of the command from rest."""
+    if SHAFT_SPEED not in table:
+        return False
+    low, high = np.percentile(table[SHAFT_SPEED].abs(), (2.5, 97.5))
+    return bool(high - low > _STARTED * high)
+
+
 def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[str]:
     """Sentences on channels that move too little, against their range or their noise."""
     plant, said = ship.record(), []
@@ -98,7 +107,8 @@ def dull(table: pd.DataFrame, ship: Ship, noise: Mapping[str, Noise]) -> list[st
         drive_column(ship): float(plant["drive_max"] - plant["drive_min"]),
         "pitch_ratio_command": float(plant["pitch_ratio_max"] - plant["pitch_ratio_min"]),
     } | dict.fromkeys(HELMS, 2.0 * float(plant["rudder_max"]))
-    for column in demands(ship, table) if not loaded(ship, table) else ():
+    steered = not (loaded(ship, table) or _starts_up(table))
+    for column in demands(ship, table) if steered else ():
         low, high = np.percentile(table[column], (2.5, 97.5))
         if high - low < _DULL_DEMAND * spans[column]:
             said.append(

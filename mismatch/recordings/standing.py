@@ -140,7 +140,7 @@ def _visits(at: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def undriven(table: pd.DataFrame, ship: Ship, column: str, first: int, end: int) -> bool:
-    """Return whether a shaft rests because nothing drives it: a motor without a command stops.
+    """Return whether a shaft rests, or a motor takes no current, because there is no command.
 
     Args:
         table: canonical columns.
@@ -149,7 +149,7 @@ def undriven(table: pd.DataFrame, ship: Ship, column: str, first: int, end: int)
         first: row from which it is constant.
         end: one past the last.
     """
-    if ship.has_diesel or column != SHAFT_SPEED:
+    if ship.has_diesel or column not in (SHAFT_SPEED, "motor_current_A"):
         return False
     command = table[drive_column(ship)].abs().to_numpy()
     values = np.abs(table[column].to_numpy())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..numbers.moved import FAR_TOLERANCES, MovedNumber
+from ..numbers.moved import MovedNumber
 from ..numbers.wrong import WrongNumber
 from ..outcome import Outcome
 from .wording import breakable, number, parameter_words, superscript
@@ -61,21 +61,17 @@ def numbers_that_explain(diagnosis: Outcome) -> str:
 
 def biased_parameters(diagnosis: Outcome) -> str:
     """Return the corrected parameters beyond three tolerances in words; empty where there are none."""
-    return _changes([n for n in _corrected(diagnosis) if _is_far(n)])
+    return _changes([n for n in _corrected(diagnosis) if n.is_far])
 
 
 def numbers_changed(diagnosis: Outcome) -> list[str]:
     """Return the names of the parameters of either kind; empty where there are none."""
-    changed = [n for n in _corrected(diagnosis) if n.source == "free" or _is_far(n)]
+    changed = [n for n in _corrected(diagnosis) if n.source == "free" or n.is_far]
     return [parameter_words(n.key.rpartition(".")[2], n.unit) for n in changed]
 
 
 def _corrected(diagnosis: Outcome) -> list[MovedNumber]:
     return [n for n in diagnosis.numbers if n.corrected != n.file]
-
-
-def _is_far(moved: MovedNumber) -> bool:
-    return abs(moved.shifts) > FAR_TOLERANCES
 
 
 def _changes(numbers: list[MovedNumber]) -> str:

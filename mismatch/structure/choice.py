@@ -24,6 +24,11 @@ NO_WORSE = 1.05
 """Times the ship file's held-out rms error that a channel may have, at most."""
 
 
+NEARLY = 0.95
+"""Share of the best model's gain in 2 log L from which a model that is as close to the held-out data is
+an alternative: what a model's form leaves makes differences of log L look surer than they are."""
+
+
 @dataclass(frozen=True)
 class Ranked:
     """A model of the search, and how good it is.
@@ -102,5 +107,13 @@ def choose(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
     alike = [one for one in held if one.evidence > top - TIED]
     best = min(alike, key=lambda one: one.place)
     vetoed = [one for one in runners if one not in held and one.evidence > top]
-    others = [one for one in (*alike, *vetoed) if one.model.size <= best.model.size]
-    return best, [one for one in others if one is not best]
+    plain = next((one.evidence for one in ranked if not one.model.effects), top)
+    near = [
+        one
+        for one in held
+        if one.evidence - plain >= NEARLY * (top - plain)
+        and total(one.compared, best.compared) <= NO_WORSE
+    ]
+    others = dict.fromkeys(id(one) for one in (*alike, *vetoed, *near))
+    others.pop(id(best), None)
+    return best, [o for o in runners if id(o) in others and o.model.size <= best.model.size]

@@ -13,13 +13,12 @@ from ...plant.ship import Ship
 from ...plant.ship_errors import ShipError
 from ..diagnosis import Diagnosis
 from ..judge.findings import (
-    at_bound,
     detectable_effects,
     findings_of,
-    implausible,
 )
 from ..judge.fit import fits
 from ..judge.held_out import HeldOut, Segments, bands_of
+from ..judge.shapes import best_shapes, shape_to_show
 from ..judge.verdict import (
     EXPLAINED,
     NOTHING,
@@ -41,14 +40,19 @@ from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, choose, total
 from .coarser import coarser
-from .estimates import biased_parameter, effect_estimates, parameter_estimates, remarks
+from .estimates import (
+    biased_parameter,
+    effect_estimates,
+    parameter_estimates,
+    plain_errors,
+    remarks,
+)
 from .far_parameters import replace_far_parameters
+from .limits import MOST_ROWS, left_out
 from .model import Floats, Model
 from .output_error import OutputError
 from .search import StructureSearch
-
-OF_NOISE = 2.0
-"""Times the noise of every channel up to which a held-out error is noise."""
+from .verdict import verdict_on, within_noise
 
 CLOSER = 0.8
 """Share of the first diagnosis's held-out error that the model of this search must come below, as the
@@ -69,10 +73,6 @@ NO_MODEL = (
     "held-out data, but no model whose effects all pay does"
 )
 """Remark where the first diagnosis stands and is not the whole truth."""
-
-MOST_VALUES, MOST_ROWS = 120_000, 30_000
-"""Averaged rows of the recordings times channels, and rows as recorded, above which the search takes too
-long."""
 
 BETTER = 0.95
 """Share of the held-out error of the ship without effects, its parameters refitted, that effects must
@@ -149,16 +149,6 @@ def diagnose_structure(
     return replace(found, wrong=wrong)
 
 
-def left_out(replay: JointReplay) -> str:
-    """Return why effects and parameters are not estimated together; empty where they can be."""
-    rows, values = replay.rows * replay.every, replay.rows * len(replay.channels)
-    if rows > MOST_ROWS:
-        return f"the recordings have {rows} rows, more than {MOST_ROWS}; shorten them"
-    if values > MOST_VALUES:
-        return f"the recordings have {values} values, more than {MOST_VALUES}; leave a channel out"
-    return ""
-
-
 def _corrected(first: Diagnosis) -> list[Ship]:
     """Return the corrected ship of a diagnosis, and the ship with a formula in place of its effects."""
     if first.formula is None:
@@ -170,12 +160,6 @@ def held_residual(ship: Ship, replay: JointReplay, fitted: Segments, held: Segme
     """Return measured minus simulated channels of a ship on the held-out rows."""
     problem = OutputError(Balances(replay.with_ship(ship)), fitted, held, 0.0)
     return problem.held_residual(problem.file_model())
-
-
-def within_noise(problem: OutputError, error: Floats) -> bool:
-    """Return whether the rms error of every channel is within :data:`OF_NOISE` of its noise."""
-    noise = np.array([problem.replay.noise_rms[c] for c in problem.names])
-    return bool(np.all(error <= OF_NOISE * noise))
 
 
 def _doubted(first: Diagnosis) -> Diagnosis:
@@ -226,11 +210,17 @@ def _diagnosed(
     fitter = Fitter(balances, bands, problem.tolerance)
     fit = fitter.fitted(model.effects)
     whiteness = Whiteness(fitter, replay.noise_rms, replay.quantisation)
-    verdict = _verdict(best, problem, whiteness, fit)
+    corrected = fitter.trial_ship.corrected(fit.effects)
+    judge = HeldOut(setting.fitter, setting.held)
+    gain = float(judge(corrected.record()) - judge(first.ship.record()))
+    verdict, why = verdict_on(best, problem, whiteness, fit, gain)
     if verdict == NOTHING and too_little(replay.excited, together.limits):
         verdict = UNEXPLAINED
+    colour = whiteness.colour(fit)
+    shape = None
+    if verdict == UNEXPLAINED and colour is not None:
+        shape = shape_to_show(best_shapes(fitter, fit), balances, colour)
     selection = _selection(fitter, fit, best, alike, ranked, search)
-    corrected = fitter.trial_ship.corrected(fit.effects)
     findings = findings_of(fitter, selection, balances.lacking(balances.nominal))
     findings = [
         replace(finding, estimates=estimates)
@@ -239,7 +229,6 @@ def _diagnosed(
         )
     ]
     after = dict(zip(problem.names, problem.simulate(model), strict=True))
-    judge = HeldOut(setting.fitter, setting.held)
     shares = explained_shares(whiteness, setting.fitter.null, fit, setting.whiteness)
     return replace(
         first,
@@ -248,20 +237,25 @@ def _diagnosed(
         after=after,
         residual_after=setting.balances.lacking(after),
         findings=findings,
-        shape=None,
+        shape=shape,
         shape_windows=[],
         shape_regime="",
         formula=None,
         balance_verdicts=balance_verdicts(whiteness, fit, setting.whiteness),
         explained=float(shares[-1]),
-        left_over=whiteness.colour(fit),
+        left_over=colour,
         ranking=[(c, search.threshold(c.effect)) for c in selection.ranking],
         detectable=detectable_effects(
             fitter, search.threshold, fit, [c.effect for c in selection.ranking]
         ),
         fit_after=fits(first.measured, after, problem.held_rows),
-        held_out_gain=float(judge(corrected.record()) - judge(first.ship.record())),
-        warnings=[*together.warnings, *remarks(best, problem)],
+        held_out_gain=gain,
+        warnings=[
+            *together.warnings,
+            *why,
+            *remarks(best, problem),
+            *plain_errors(problem, best, corrected),
+        ],
         numbers=parameter_estimates(first.ship, problem, model, corrected),
     )
 
@@ -291,19 +285,6 @@ def _with_parameters(file: Ship, problem: OutputError, model: Model) -> Ship:
     with contextlib.suppress(ShipError):  # two parameters that do not go together
         return file.with_values(values) if values else file
     return file
-
-
-def _verdict(best: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit) -> str:
-    """Return the verdict on a chosen model."""
-    quiet = within_noise(problem, best.held)
-    white = whiteness.colour(fit) is None
-    if not best.model.effects:
-        wrong = problem.moved_far(best.model)
-        return NOTHING if (quiet or white) and not wrong else UNEXPLAINED
-    ship = problem.trial_ship
-    doubted = any(at_bound(ship, placed) or implausible(ship, placed) for placed in fit.effects)
-    sound = not doubted and not problem.moved_far(best.model)
-    return EXPLAINED if (quiet or white) and sound else PARTLY
 
 
 def _selection(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ...plant.ship import Ship
 from ..estimate import Estimate
 from ..judge.findings import FORM_SHARE, Finding
@@ -16,6 +18,10 @@ from .priors import Prior
 
 TOLD_SKEW, SURE_SKEW = 0.1, 3.0
 """Rows by which a channel's clock is told to be off, and standard errors that this must be."""
+
+NOTABLE = 1.1
+"""Times the reported held-out error from which the error of the corrected ship's file alone is reported
+too."""
 
 LOOSE = 0.3
 """Standard error of a parameter's logarithm, the file's tolerances ignored, from which on the recordings
@@ -48,20 +54,20 @@ def effect_estimates(
 def parameter_estimates(
     file: Ship, problem: OutputError, model: Model, corrected: Ship
 ) -> list[MovedNumber]:
-    """Return the parameters that the model has shifted by a tolerance or more."""
+    """Return the parameters that the corrected ship changes or the model has shifted by a tolerance."""
     errors = problem.standard_errors(model)
     found = []
     for k, (prior, shift) in enumerate(zip(problem.priors, model.shifts, strict=True)):
         tolerances = float(shift) / prior.near
-        if abs(tolerances) < TOLD:
+        number, now = file.number(prior.key), corrected.number(prior.key).value
+        if abs(tolerances) < TOLD and now == number.value:
             continue
-        number = file.number(prior.key)
         value = prior.value_at(float(shift))
         spread = float(errors[k]) * (value if prior.ratio else 1.0)
         found.append(
             MovedNumber(
                 prior.key, number.info.unit, number.value, value, abs(spread), tolerances,
-                "tolerance", corrected.number(prior.key).value,
+                "tolerance", now,
             )
         )  # fmt: skip
     return found
@@ -98,6 +104,30 @@ def remarks(best: Ranked, problem: OutputError) -> list[str]:
             "the value holds as far as the tolerances of the others in the ship file do"
         )
     return said
+
+
+def plain_errors(problem: OutputError, best: Ranked, corrected: Ship) -> list[str]:
+    """Return a remark on the held-out errors of the corrected ship simulated from its file alone.
+
+    Args:
+        problem: that fitted the model.
+        best: the model, whose held-out errors count the clock skews and the estimated first states.
+        corrected: the ship with the model's effects and parameters.
+    """
+    replay, rows = problem.replay, problem.held_rows
+    simulated = replay.simulated(replay.simulate(corrected.record()))
+    errors = {
+        c: float(np.sqrt(np.mean((replay.recorded[c] - simulated[c])[rows] ** 2)))
+        for c in problem.names
+    }
+    own = zip(problem.names, best.held, strict=True)
+    if all(errors[c] <= NOTABLE * error for c, error in own):
+        return []
+    said = ", ".join(f"{c} {error:.4g}" for c, error in errors.items())
+    return [
+        "simulated from its file alone, as shaftline simulate does, without clock skews and estimated "
+        f"first states, the corrected ship has these held-out rms errors: {said}"
+    ]
 
 
 def _skews(model: Model, problem: OutputError) -> list[str]:

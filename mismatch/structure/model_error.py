@@ -15,11 +15,13 @@ from ..search.effect import Effect
 from ..simulate.balances import Balances
 from .choice import total
 from .coarser import coarser
-from .diagnose import CLOSER, MOST_ROWS, held_residual, left_out, within_noise
+from .diagnose import CLOSER, held_residual
+from .limits import MOST_ROWS, left_out
 from .model import Model
 from .output_error import OutputError
 from .priors import guessed_prior
 from .search import StructureSearch
+from .verdict import within_noise
 
 AS_CLOSE = 1.1
 """Times the least held-out error up to which a model of fewer values is preferred."""

@@ -42,8 +42,12 @@ START_PRECISION = 0.01
 :func:`.tolerances.first_state_deviations`: ten of them, because a lagging instrument does not measure
 the state."""
 
-MOST_STEPS, SETTLED = 14, 0.02
-"""Gauss-Newton steps of a fit, at most; and the gain in 2 log L of a step below which it ends."""
+MOST_STEPS, MOST_TRIALS = 14, 6
+"""Gauss-Newton steps of a fit, and trials of each with more and more damping, at most."""
+
+SETTLED, ABOUT = 0.1, 1.0
+"""Gain in 2 log L, predicted or simulated, of a step below which a fit ends: with its own derivatives,
+and with a tangent, which only ranks models that are then fitted with their own."""
 
 DIVERGED = 1e6
 """Times the largest measured value from which on a simulated channel diverges."""
@@ -236,7 +240,7 @@ class OutputError:
         values, slopes = self.channels(*search.split(point))
         white = self.likelihood.white((self.measured - values)[:, self.rows])
         score = self.score(white, begin.shifts, begin.nuisance, guessed)
-        damping = 0.0
+        damping, settled = 0.0, SETTLED if tangent is None else ABOUT
         for _ in range(MOST_STEPS):
             if not math.isfinite(score):
                 break
@@ -253,8 +257,11 @@ class OutputError:
             lhs = flat @ flat.T + np.diag(precision)
             rhs = flat @ (white * scale).ravel() - precision * point
             better = None
-            for _ in range(6):
+            for _ in range(MOST_TRIALS):
                 trial = search.stepped(point, lhs + damping * np.diag(np.diag(lhs)), rhs)
+                step = trial - point
+                if 2.0 * float(rhs @ step) - float(step @ lhs @ step) < settled:
+                    break
                 moved = search.split(trial)
                 found = self.channels(*moved)
                 wrong = self.likelihood.white((self.measured - found[0])[:, self.rows])
@@ -268,7 +275,7 @@ class OutputError:
             point, (values, slopes), white = better
             score += gained
             damping *= 0.1
-            if gained < SETTLED:
+            if gained < settled:
                 break
         return Model(*search.split(point), score)
 
