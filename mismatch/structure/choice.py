@@ -21,8 +21,8 @@ VETO = 1.5
 """Times the least held-out rms error from which on a model is not chosen, however likely it is."""
 
 NO_WORSE = 1.05
-"""Times the ship file's held-out rms error that a channel may have, at most."""
-
+"""Times the ship file's held-out rms error that a channel may have, at most; and times the chosen
+model's that an alternative may have."""
 
 NEARLY = 0.95
 """Share of the best model's gain in 2 log L from which a model that is as close to the held-out data is
@@ -80,7 +80,9 @@ def total(held: Floats, best: Floats) -> float:
     return float(np.exp(np.mean(np.log(held / best)))) if np.isfinite(held).all() else math.inf
 
 
-def choose(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
+def choose(
+    ranked: list[Ranked], before: Floats, noise: Floats | float = math.inf
+) -> tuple[Ranked, list[Ranked]]:
     """Return the likeliest model whose effects pay, and those that are as good.
 
     Models with a value at the bound of its search are chosen only where there are no others.
@@ -89,10 +91,12 @@ def choose(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
         ranked: models by merit, the best first.
         before: held-out rms error of the file's ship by channel, in the channels' units. A model that
             is worse in a channel is not chosen.
+        noise: held-out rms error by channel up to which it is noise. Where the chosen model leaves more,
+            a model that is nearly as likely is an alternative.
 
     Returns:
         The model; and the models of no more values that the recordings cannot distinguish from it: as
-        likely, or likelier with a clearly larger held-out error.
+        likely, or nearly so with no larger held-out error, or likelier with a clearly larger one.
     """
     runners = sorted(ranked, key=lambda one: one.evidence, reverse=True)
     runners = [one for one in runners if np.isfinite(one.evidence)] or ranked
@@ -107,13 +111,14 @@ def choose(ranked: list[Ranked], before: Floats) -> tuple[Ranked, list[Ranked]]:
     alike = [one for one in held if one.evidence > top - TIED]
     best = min(alike, key=lambda one: one.place)
     vetoed = [one for one in runners if one not in held and one.evidence > top]
-    plain = next((one.evidence for one in ranked if not one.model.effects), top)
-    near = [
-        one
-        for one in held
-        if one.evidence - plain >= NEARLY * (top - plain)
-        and total(one.compared, best.compared) <= NO_WORSE
-    ]
-    others = dict.fromkeys(id(one) for one in (*alike, *vetoed, *near))
-    others.pop(id(best), None)
-    return best, [o for o in runners if id(o) in others and o.model.size <= best.model.size]
+    leaves_more = bool(np.any(best.held > noise))
+    plain = next((one.evidence for one in ranked if not one.model.labels), top)
+
+    def is_alternative(one: Ranked) -> bool:
+        """Whether a model is as likely as the best, or nearly so and as close to the held-out data."""
+        nearly = leaves_more and one.evidence - plain >= NEARLY * (top - plain)
+        close = total(one.compared, best.compared) <= NO_WORSE
+        return one.evidence > top - TIED or (nearly and close)
+
+    others = [*(one for one in held if is_alternative(one)), *vetoed]
+    return best, [o for o in others if o is not best and o.model.size <= best.model.size]

@@ -52,7 +52,7 @@ from .limits import MOST_ROWS, left_out
 from .model import Floats, Model
 from .output_error import OutputError
 from .search import StructureSearch
-from .verdict import verdict_on, within_noise
+from .verdict import noise_limit, verdict_on, within_noise
 
 CLOSER = 0.8
 """Share of the first diagnosis's held-out error that the model of this search must come below, as the
@@ -133,7 +133,7 @@ def diagnose_structure(
         error = min(total(one.held, before), total(one.compared, clipped))
         return error <= (named if one.model.effects else alone)
 
-    best, alike = choose(ranked, problem.held_error(problem.file_model()))
+    best, alike = choose(ranked, problem.held_error(problem.file_model()), noise_limit(problem))
     if (pruned := search.pruned(best)) is not best:
         best, alike = pruned, []
     plain = next(one for one in ranked if not one.model.effects)

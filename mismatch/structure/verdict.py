@@ -16,10 +16,14 @@ OF_NOISE = 2.0
 """Times the noise of every channel up to which a held-out error is noise."""
 
 
+def noise_limit(problem: OutputError) -> Floats:
+    """Return the rms error of each channel up to which it is noise, in the channels' units."""
+    return OF_NOISE * np.array([problem.replay.noise_rms[c] for c in problem.names])
+
+
 def within_noise(problem: OutputError, error: Floats) -> bool:
-    """Return whether the rms error of every channel is within :data:`OF_NOISE` of its noise."""
-    noise = np.array([problem.replay.noise_rms[c] for c in problem.names])
-    return bool(np.all(error <= OF_NOISE * noise))
+    """Return whether the rms error of every channel is noise."""
+    return bool(np.all(error <= noise_limit(problem)))
 
 
 def verdict_on(

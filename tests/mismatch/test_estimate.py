@@ -29,13 +29,20 @@ def test_the_interval_is_1_96_standard_errors_and_the_form_s(frigate: Ship) -> N
     assert both.ci95 == pytest.approx((7500.0, 8500.0))  # in quadrature
 
 
+def test_the_interval_ends_at_the_bounds() -> None:
+    share = Estimate("prime_mover.braking_loss_fraction", 0.97, "-", (0.0, 1.0), 0.0, 0.1)
+    assert share.ci95 == pytest.approx((0.774, 1.0))
+    assert replace(share, value=0.1).ci95 == pytest.approx((0.0, 0.296))
+    assert replace(share, value=1.2).ci95 == pytest.approx((1.004, 1.2))  # beyond them already
+
+
 def test_as_data_it_is_value_and_interval(frigate: Ship) -> None:
     found = Estimate.of(frigate, FRICTION, 8000.0, 100.0).to_dict()
     assert found == {"value": 8000.0, "ci95": [8000.0 - 196.0, 8000.0 + 196.0]}
 
 
 def test_an_error_known_from_little_has_a_wider_interval() -> None:
-    sure = Estimate("hull.mass_kg", 10.0, "kg", (0.0, 1e9), 9.0, 1.0)
+    sure = Estimate("hull.mass_kg", 10.0, "kg", (-1e3, 1e9), 9.0, 1.0)
     assert sure.ci95 == pytest.approx((8.04, 11.96))
     for freedom, half in ((1.0, 12.706), (8.0, 2.306), (30.0, 2.042), (1e9, 1.96)):
         ends = replace(sure, freedom=freedom).ci95

@@ -117,6 +117,14 @@ def test_the_range_of_a_demand_either_way_is_both_ways() -> None:
     assert said.endswith("3.8% of its range")
 
 
+def test_a_step_from_rest_is_not_dull_although_the_command_then_stands() -> None:
+    rov, time = load_ship("rov-thruster"), np.arange(400.0)
+    table = pd.DataFrame({"motor_voltage_V": np.where(time < 1.0, 0.0, 7.0)})
+    assert dull(table.assign(shaft_speed_rad_s=50.0 - 50.0 * np.exp(-time / 50.0)), rov, {}) == []
+    (said,) = dull(table.assign(shaft_speed_rad_s=50.0), rov, {})
+    assert said.startswith("dull: motor_voltage_V moves over 0 V")
+
+
 def test_a_pitch_that_leads_its_command_is_swapped(frigate: Ship) -> None:
     table = voyage(frigate)
     assert not pitch_swapped(table, 0.1, frigate)

@@ -75,6 +75,20 @@ def test_a_motor_at_rest_without_a_command_is_no_dead_sensor(rig: Ship) -> None:
         load_recording(dead, rig)
 
 
+def test_a_motor_that_coasts_without_a_current_has_no_dead_current_sensor(rig: Ship) -> None:
+    """Without a command the ship file's motor brakes; a real one may be open and take no current."""
+    table = run(rig, 0.02, 1)
+    true = simulate_recording(rig, table.assign(motor_current_A=0.0))["motor_current_A"]
+    rows = len(table)
+    table["motor_current_A"] = true + 0.01 * np.random.default_rng(2).standard_normal(rows)
+    table.loc[rows // 3 : 2 * rows // 3, "motor_voltage_V"] = 0.0
+    table.loc[rows // 3 : 2 * rows // 3, "motor_current_A"] = 0.0
+    load_recording(table, rig)
+    table.loc[rows // 3 : 2 * rows // 3, "motor_voltage_V"] = 3.0
+    with pytest.raises(RecordingError, match=r"motor_current_A is constant at 0 A .* a dead sensor"):
+        load_recording(table, rig)
+
+
 def test_rows_with_the_time_of_the_row_before_are_averaged(tmp_path: object) -> None:
     time = np.arange(100.0)
     table = pd.DataFrame({"time_s": time, "x": time})

@@ -49,6 +49,8 @@ def test_friction_is_identified_and_the_inertia_estimated(found: Diagnosis) -> N
 def test_a_parameter_beyond_its_tolerance_leaves_the_verdict_partly(found: Diagnosis) -> None:
     assert found.verdict == "partly-explained"
     assert any("the value or its tolerance in the file is wrong" in w for w in found.warnings)
+    (why,) = (w for w in found.warnings if w.startswith("explained in part only"))
+    assert why.endswith(f"because {INERTIA} moved far from the ship file")
     wide = motor().with_values({"tolerances.inertia": 0.3})
     truth = {COULOMB: 0.03, INERTIA: 1.25e-3}
     sure = diagnose(wide, run(truth, 1), run(truth, 3), hold_out=[run(truth, 2)], options=OPTIONS)

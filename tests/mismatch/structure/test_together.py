@@ -66,3 +66,22 @@ def test_a_curve_of_the_command_and_a_lag_are_found_together(flywheel: Ship) -> 
 def test_a_drive_without_either_is_given_neither(flywheel: Ship) -> None:
     found = diagnose(flywheel, run(flywheel, seed=2))
     assert (found.verdict, found.findings) == ("nothing-missing", [])
+
+
+def test_a_load_that_changes_with_the_angle_is_found_where_the_angle_is_measured(
+    flywheel: Ship,
+) -> None:
+    """Gravity on a link: 0.3 sin + 0.1 cos of the angle; the commands swing it, but not over."""
+    link = flywheel.with_values({"transmission.viscous_friction_engine_side_N_m_s_rad": 0.1})
+    heavy = with_effects(link, {"angle-load (motor)": (0.3, 0.1)})
+    rng = np.random.default_rng(4)
+    table = run(flywheel)[["time_s", "motor_torque_N_m"]]
+    table["motor_torque_N_m"] *= 0.25
+    start = {"shaft_speed_rad_s": 0.0, "shaft_angle_rad": 0.5}
+    true = simulate_recording(heavy, table.assign(**start))
+    for column, noise in (("shaft_speed_rad_s", 0.05), ("shaft_angle_rad", 0.01)):
+        table[column] = true[column] + noise * rng.standard_normal(ROWS)
+    table.loc[0, ["shaft_speed_rad_s", "shaft_angle_rad"]] = 0.0, 0.5
+    (found,) = diagnose(link, table).findings
+    assert found.effect.label == "angle-load (motor)"
+    assert [e.value for e in found.estimates] == pytest.approx([0.3, 0.1], rel=0.1)
