@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 _LATE = (
     "torque_delay_s", "torque_lag_s", "speed_delay_s", "speed_lag_s", "thrust_lag_s",
-    "speed_log_lag_s",
+    "current_lag_s", "power_lag_s", "speed_log_lag_s",
 )  # fmt: skip
 """Keys of ``[sensors]`` that make an instrument late."""
 

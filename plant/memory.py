@@ -69,6 +69,14 @@ class Sensors(Section):
         0.0, "motor current read at no current", "A", record="current_sensor_bias",
         needs="has_voltage", ge=-1e4, le=1e4,
     )  # fmt: skip
+    current_lag_s: float = effect(
+        0.0, "first-order lag of the motor current's signal", "s", record="current_sensor_lag",
+        needs="has_voltage", ge=0, le=60,
+    )  # fmt: skip
+    power_lag_s: float = effect(
+        0.0, "first-order lag of the electric power's signal", "s", record="power_sensor_lag",
+        needs="has_voltage", ge=0, le=60,
+    )  # fmt: skip
     speed_log_lag_s: float = effect(
         0.0, "first-order lag of the speed log", "s", record="speed_log_lag", needs="moves",
         ge=0, le=600,
@@ -94,6 +102,7 @@ MEMORY = np.dtype(
         ("shaft_speed", np.float64),  # reading of the shaft's speed sensor [rad/s]
         ("thrust", np.float64),  # reading of the thrust sensor [N]
         ("motor_current", np.float64),  # reading of the current sensor [A]
+        ("electric_power", np.float64),  # reading of the electric power's sensor [W]
         # what goes into a lag and what comes out of it, at this step's start and the last's
         ("true_speed", np.float64, (2,)),  # of the shaft [rad/s]
         ("lagged_speed", np.float64, (2,)),
@@ -101,6 +110,10 @@ MEMORY = np.dtype(
         ("lagged_torque", np.float64, (2,)),
         ("true_thrust", np.float64, (2,)),  # [N]
         ("lagged_thrust", np.float64, (2,)),
+        ("true_current", np.float64, (2,)),  # [A]
+        ("lagged_current", np.float64, (2,)),
+        ("true_power", np.float64, (2,)),  # [W]
+        ("lagged_power", np.float64, (2,)),
         ("pitch_ratio", np.float64),  # reading of the pitch sensor [-]
         ("cursor", np.int64),
         ("demands", np.float64, (HISTORY,)),
@@ -223,7 +236,17 @@ def read_instruments(
         steps = dt / plant.thrust_sensor_lag
         thrust = _behind_lag(memory.true_thrust, memory.lagged_thrust, thrust, steps)
     memory.thrust = thrust_read(plant, thrust)
-    memory.motor_current = current_read(plant, outputs.motor_current)
+    current = outputs.motor_current
+    if plant.current_sensor_lag > 0.0:
+        steps = dt / plant.current_sensor_lag
+        current = _behind_lag(memory.true_current, memory.lagged_current, current, steps)
+    memory.motor_current = current_read(plant, current)
+    memory.electric_power = outputs.electric_power
+    if plant.power_sensor_lag > 0.0:
+        steps = dt / plant.power_sensor_lag
+        memory.electric_power = _behind_lag(
+            memory.true_power, memory.lagged_power, outputs.electric_power, steps
+        )
     if plant.speed_sensor_lag > 0.0:
         steps = dt / plant.speed_sensor_lag
         shaft_speed = _behind_lag(memory.true_speed, memory.lagged_speed, shaft_speed, steps)
@@ -241,6 +264,11 @@ def end_step(plant: Record, memory: Record, ship_speed: float, dt: float) -> Non
     memory.true_speed[1], memory.lagged_speed[1] = memory.true_speed[0], memory.lagged_speed[0]
     memory.true_torque[1], memory.lagged_torque[1] = memory.true_torque[0], memory.lagged_torque[0]
     memory.true_thrust[1], memory.lagged_thrust[1] = memory.true_thrust[0], memory.lagged_thrust[0]
+    memory.true_current[1], memory.lagged_current[1] = (
+        memory.true_current[0],
+        memory.lagged_current[0],
+    )
+    memory.true_power[1], memory.lagged_power[1] = memory.true_power[0], memory.lagged_power[0]
     if plant.speed_log_lag > 0.0:
         share = 1.0 - math.exp(-dt / plant.speed_log_lag)
         memory.speed_log += share * (ship_speed - memory.speed_log)
@@ -261,5 +289,7 @@ def settle(
     memory.true_speed[:] = memory.lagged_speed[:] = state.shaft_speed
     memory.true_torque[:] = memory.lagged_torque[:] = outputs.shaft_torque
     memory.true_thrust[:] = memory.lagged_thrust[:] = outputs.thrust
+    memory.true_current[:] = memory.lagged_current[:] = outputs.motor_current
+    memory.true_power[:] = memory.lagged_power[:] = outputs.electric_power
     memory.speed_log = state.ship_speed
     read_instruments(plant, memory, state.shaft_speed, outputs, dt)

@@ -61,7 +61,7 @@ def write_sample(
     sample.resistance = outputs.resistance
     sample.motor_current = outputs.motor_current
     sample.shaft_power = memory.shaft_torque * memory.shaft_speed
-    sample.electric_power = outputs.electric_power
+    sample.electric_power = memory.electric_power
     sample.submergence = outputs.submergence
     sample.ventilation = state.ventilation
     sample.position = state.position

@@ -138,6 +138,8 @@ MOTOR_EFFECTS = [
 MOTOR_SENSOR_EFFECTS = [
     effect("current-sensor-gain", "sensors.current_gain", 1.05, 1.0),
     effect("current-sensor-bias", "sensors.current_bias_A", 0.2),
+    effect("current-sensor-lag", "sensors.current_lag_s", 0.1),
+    effect("power-sensor-lag", "sensors.power_lag_s", 0.1),
     effect("speed-sensor-gain", "sensors.speed_gain", 0.5, 1.0),
 ]
 
@@ -250,8 +252,12 @@ def test_effect_on_a_motor_s_sensor_changes_one_reading(effect: Effect) -> None:
     nominal, changed = sail({}), sail(effect.present)
     assert sail(effect.neutral).tobytes() == nominal.tobytes()
     differing = [n for n in nominal.dtype.names or () if np.any(changed[n] != nominal[n])]
-    speed = ["measured_shaft_speed", "shaft_power"]  # measured torque times measured speed
-    assert differing == (speed if "speed" in effect.id else ["measured_motor_current"])
+    readings = {
+        "speed": ["measured_shaft_speed", "shaft_power"],  # measured torque times measured speed
+        "current": ["measured_motor_current"],
+        "power": ["electric_power"],
+    }
+    assert differing == readings[effect.id.split("-")[0]]
 
 
 # optional numbers that describe the nominal ship and are no effects

@@ -134,23 +134,27 @@ def test_speed_sensor_lags_behind_a_ramp_by_its_time_constant(plant: Any, memory
     [
         ("torque_sensor_lag", "shaft_torque", "shaft_torque"),
         ("thrust_sensor_lag", "thrust", "thrust"),
+        ("current_sensor_lag", "motor_current", "motor_current"),
+        ("power_sensor_lag", "electric_power", "electric_power"),
     ],
 )
-def test_torque_and_thrust_sensors_lag_behind_a_ramp(
+def test_sensors_lag_behind_a_ramp(
     plant: Any, memory: Any, key: str, output: str, reading: str
 ) -> None:
-    """Behind their lag stand the gain and the bias: 0.9 (a (t - T + T exp(-t / T))) + 50."""
+    """Behind their lag stand gain and bias, 0.9 (a (t - T + T exp(-t / T))) + 50; power has neither."""
     at_rest = OUTPUTS._replace(**{output: 0.0})
     settle(plant, memory, STATE, at_rest, 22.0, DT)
     plant[key] = 0.3
-    plant[key.replace("lag", "gain")], plant[key.replace("lag", "bias")] = 0.9, 50.0
+    gain, bias = (1.0, 0.0) if output == "electric_power" else (0.9, 50.0)
+    if output != "electric_power":
+        plant[key.replace("lag", "gain")], plant[key.replace("lag", "bias")] = gain, bias
     for k in range(1, 60):
         end_step(plant, memory, 8.0, DT)
         time = k * DT
         for _ in range(2):  # seeing it twice changes nothing
             read_instruments(plant, memory, 10.0, at_rest._replace(**{output: 2e3 * time}), DT)
         behind = 2e3 * (time - 0.3 + 0.3 * math.exp(-time / 0.3))
-        assert memory[reading] == pytest.approx(0.9 * behind + 50.0, rel=1e-9)
+        assert memory[reading] == pytest.approx(gain * behind + bias, rel=1e-9)
 
 
 def test_gains_of_speed_and_current_are_read(plant: Any, memory: Any) -> None:

@@ -85,7 +85,9 @@ def test_a_motor_that_coasts_without_a_current_has_no_dead_current_sensor(rig: S
     table.loc[rows // 3 : 2 * rows // 3, "motor_current_A"] = 0.0
     load_recording(table, rig)
     table.loc[rows // 3 : 2 * rows // 3, "motor_voltage_V"] = 3.0
-    with pytest.raises(RecordingError, match=r"motor_current_A is constant at 0 A .* a dead sensor"):
+    with pytest.raises(
+        RecordingError, match=r"motor_current_A is constant at 0 A .* a dead sensor"
+    ):
         load_recording(table, rig)
 
 

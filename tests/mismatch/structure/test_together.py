@@ -14,6 +14,8 @@ from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship, simulate_recording
 
+from . import rigs
+
 ROWS, INTERVAL_S = 2000, 0.02
 
 
@@ -85,3 +87,24 @@ def test_a_load_that_changes_with_the_angle_is_found_where_the_angle_is_measured
     (found,) = diagnose(link, table).findings
     assert found.effect.label == "angle-load (motor)"
     assert [e.value for e in found.estimates] == pytest.approx([0.3, 0.1], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("label", "column"),
+    [
+        ("current-sensor-lag (sensor)", "motor_current_A"),
+        ("power-sensor-lag (sensor)", "electric_power_W"),
+    ],
+)
+def test_a_slow_current_or_power_sensor_is_found(label: str, column: str) -> None:
+    """A motor that follows steps of its voltage; the reading lags by 0.2 s."""
+    ship = rigs.motor()
+    table = rigs.run({}, 1)[["time_s", "motor_voltage_V", "shaft_speed_rad_s"]]
+    true = simulate_recording(
+        ship.with_values({f"sensors.{label.split('-')[0]}_lag_s": 0.2}),
+        table.assign(**{column: 0.0}),
+    )[column]
+    noise = 0.02 * float(true.std()) * np.random.default_rng(3).standard_normal(len(table))
+    (found,) = diagnose(ship, table.assign(**{column: true + noise})).findings
+    assert found.effect.label == label
+    assert found.estimates[0].value == pytest.approx(0.2, rel=0.05)
