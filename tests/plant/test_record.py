@@ -18,7 +18,7 @@ from shaftline.plant.terms import RECORD_FIELDS
 FRIGATE, TUG = load_ship("frigate"), load_ship("tito-neri-sine")
 DESTROYER = load_ship("ddg-51-surrogate")
 STEERED = ("manoeuvring", "rudder")
-OF_A_MOTOR = ("prime_mover", "sensors.current")
+OF_A_MOTOR = ("prime_mover", "sensors.current", "sensors.power")
 
 
 def numbers(ship: Ship) -> list[str]:
@@ -46,7 +46,7 @@ NEEDED = {
 @pytest.mark.parametrize(
     ("name", "key"),
     [("frigate", key) for key in numbers(FRIGATE)
-     if not key.startswith((*STEERED, OF_A_MOTOR[1]))]
+     if not key.startswith((*STEERED, *OF_A_MOTOR[1:]))]
     + [("ddg-51-surrogate", key) for key in numbers(DESTROYER) if key.startswith(STEERED)]
     + [("tito-neri-sine", key) for key in numbers(TUG) if key.startswith(OF_A_MOTOR)],
 )  # fmt: skip

@@ -239,8 +239,8 @@ def test_moored_ship_of_fixed_pitch_needs_a_shaft_speed_alone() -> None:
 
 
 def test_a_delay_must_fit_the_replays_step(frigate: Ship) -> None:
-    ship = frigate.with_values({"sensors.torque_delay_s": 2.0})
-    with pytest.raises(ShipError, match=r"torque_delay_s = 2\.0 s is more than 1\.26 s"):
+    ship = frigate.with_values({"sensors.torque_delay_s": 5.5})
+    with pytest.raises(ShipError, match=r"torque_delay_s = 5\.5 s is more than 5\.1 s"):
         Replay(ship, plain(interval=0.01, **MEASURED_START))
 
 

@@ -113,7 +113,7 @@ def test_all_mistakes_are_named_at_once(edited: Edit) -> None:
         ({"prime_mover.speed_min_rpm": 1e3},
          "f: prime_mover: speed_min_rpm must be below speed_max_rpm"),
         ({"sensors.torque_delay_s": 6.0, "integration.time_step_s": 0.01},
-         "f: sensors.torque_delay_s = 6.0 s is more than 1.26 s, the longest delay at a time step of "
+         "f: sensors.torque_delay_s = 6.0 s is more than 5.1 s, the longest delay at a time step of "
          "0.01 s"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",

@@ -265,8 +265,8 @@ def test_input_that_is_no_number_is_named(
 def test_delay_that_does_not_fit_the_time_step_is_refused(
     frigate: Ship, design_point: Equilibrium
 ) -> None:
-    ship = frigate.with_values({"sensors.torque_delay_s": 1.0})
-    with pytest.raises(ShipError, match=r"sensors\.torque_delay_s = 1\.0 s is more than 0\.63 s"):
+    ship = frigate.with_values({"sensors.torque_delay_s": 3.0})
+    with pytest.raises(ShipError, match=r"sensors\.torque_delay_s = 3\.0 s is more than 2\.55 s"):
         simulate(ship, Schedule(22.0, 1.4), 2.0, initial=design_point.state, dt=0.005)
 
 

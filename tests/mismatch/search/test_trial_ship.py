@@ -198,7 +198,7 @@ def test_no_delay_is_tried_that_the_plant_cannot_look_back(
     late = entry(f"{name} (sensor)")
     assert ship.range_of(late.parameters[0]) == (0.0, 0.005 * (HISTORY - 2))
     assert ship.settings(Placed(late, (5.0,), None)) == {key: 0.005 * (HISTORY - 2)}
-    assert all(value <= 0.63 for value in ship.probes(late.parameters[0]))
+    assert all(value <= 0.005 * (HISTORY - 2) for value in ship.probes(late.parameters[0]))
 
 
 def test_scales_have_no_sign_and_are_never_zero(toy: Any) -> None:
