@@ -27,13 +27,13 @@ from .judge.location import active_windows, regime
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_of
 from .judge.verdict import (
     EXPLAINED,
-    NOTHING,
     PARTLY,
     SURE_GAIN,
     UNEXPLAINED,
     Verdict,
     explained_shares,
     far_from_noise,
+    limited,
     sure_effects,
     too_little,
     verdict_of,
@@ -250,8 +250,8 @@ def _judged(
     # with all signals of the replay, for a record hears them by their place
     before, after = (replay.simulated(replay.simulate(s.record())) for s in (ship, corrected))
     parameters = numbers.told(told, corrected)
-    if verdict.name == NOTHING and (undecidable or any(n.is_biased for n in parameters)):
-        verdict = replace(verdict, name=UNEXPLAINED)
+    biased = any(n.is_biased for n in parameters)
+    verdict = replace(verdict, name=limited(verdict.name, undecidable, biased))
     if corrected.signals:
         corrected = corrected.with_signals({n: ship.signals[n] for n in corrected.hears})
     fit_before = fits(measured, before, rows)

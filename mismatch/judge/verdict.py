@@ -86,6 +86,19 @@ def too_little(excited: bool, limits: Sequence[str]) -> bool:
     return bool(limits) and (not excited or any("too short" in said for said in limits))
 
 
+def limited(name: str, undecidable: bool, biased: bool) -> str:
+    """Return what a verdict comes to where the recordings or the ship file do not allow it.
+
+    Args:
+        name: of the verdict.
+        undecidable: whether the recordings are too dull or too short.
+        biased: whether a parameter lies far outside the ship file's tolerance.
+    """
+    if name == NOTHING and (undecidable or biased):
+        return UNEXPLAINED
+    return PARTLY if name == EXPLAINED and biased else name
+
+
 def verdict_of(
     selection: Selection, whiteness: Whiteness, gain: float, excited: bool, sure: bool = False
 ) -> Verdict:

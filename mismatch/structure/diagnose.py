@@ -103,7 +103,7 @@ def diagnose_structure(
         The diagnosis; the first one, with a remark, where it leaves noise or is as close to the held-out
         data.
     """
-    if first.left_over is None:
+    if first.left_over is None and not any(n.is_biased for n in first.numbers):
         return first
     replay = coarser(setting.balances.replay, MOST_ROWS)
     if why := left_out(replay):

@@ -17,6 +17,7 @@ from shaftline.mismatch.judge.verdict import (
     close_call,
     explained_shares,
     far_from_noise,
+    limited,
     sure_effects,
     too_little,
     verdict_of,
@@ -239,3 +240,21 @@ def test_too_little_is_told_by_what_limits_the_recordings(
     excited: bool, limits: list[str], little: bool
 ) -> None:
     assert too_little(excited, limits) is little
+
+
+@pytest.mark.parametrize(
+    ("name", "undecidable", "biased", "expected"),
+    [
+        (NOTHING, False, False, NOTHING),
+        (NOTHING, True, False, UNEXPLAINED),
+        (NOTHING, False, True, UNEXPLAINED),
+        (EXPLAINED, True, False, EXPLAINED),
+        (EXPLAINED, False, True, PARTLY),
+        (PARTLY, True, True, PARTLY),
+        (UNEXPLAINED, True, True, UNEXPLAINED),
+    ],
+)
+def test_dull_recordings_and_biased_parameters_limit_a_verdict(
+    name: str, undecidable: bool, biased: bool, expected: str
+) -> None:
+    assert limited(name, undecidable, biased) == expected

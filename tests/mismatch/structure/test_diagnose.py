@@ -89,6 +89,36 @@ def test_a_file_that_is_wrong_is_no_healthy_rig() -> None:
     assert all(b.left is None for b in found.balance_verdicts)
 
 
+@pytest.mark.parametrize("factor", [1.03, 1.08])
+def test_a_slightly_wrong_inertia_is_no_physics(factor: float) -> None:
+    """The first search absorbs 8 % of the inertia in friction; the file allows half a percent."""
+    tables = [run({INERTIA: factor * 1e-3}, seed) for seed in (4, 5, 6)]
+    found = diagnose(motor(), *tables[:2], hold_out=tables[2:])
+    assert (found.verdict, found.findings) == ("unexplained", [])
+    assert found.headline == "The ship file is wrong in inertia engine side."
+    (number,) = found.numbers
+    assert number.corrected == pytest.approx(factor * 1e-3, rel=0.003)
+    quick = diagnose(motor(), *tables[:2], hold_out=tables[2:], options=Options(quick=True))
+    assert quick.verdict == ("unexplained" if factor < 1.05 else "partly-explained")
+
+
+def test_the_corrected_ship_alone_is_reported_where_a_clock_is_skewed(found: Diagnosis) -> None:
+    """The speed is 0.4 rows late, which no ship file can hold."""
+    alone = "simulated from its file alone"
+    assert not [w for w in found.warnings if w.startswith(alone)]
+    tables = [run({COULOMB: 0.03}, seed) for seed in (1, 2)]
+    for table in tables:
+        rows = np.arange(len(table))
+        table["shaft_speed_rad_s"] = np.interp(rows - 0.4, rows, table["shaft_speed_rad_s"])
+    late = diagnose(motor(), tables[0], hold_out=tables[1:], options=OPTIONS)
+    (said,) = (w for w in late.warnings if w.startswith(alone))
+    error = float(said.rpartition(" ")[2])
+    simulated = simulate_recording(late.corrected, tables[1])["shaft_speed_rad_s"]
+    assert error == pytest.approx(
+        float(np.sqrt(np.mean((simulated - tables[1]["shaft_speed_rad_s"]) ** 2))), rel=0.05
+    )
+
+
 def test_a_recording_too_dull_to_decide_is_not_healthy() -> None:
     tables = [run(seed=seed).assign(motor_voltage_V=6.0) for seed in (4, 5)]
     for table in tables:
