@@ -90,10 +90,11 @@ class Estimate:
     def ci95(self) -> tuple[float, float]:
         """95 % interval inside the bounds, in ``unit``; by Student's t where the error is uncertain."""
         half = math.hypot(half_95(self.freedom) * self.standard_error, self.form_error)
+        ends = self.value - half, self.value + half
+        if not math.isfinite(half):
+            return ends
         low, high = self.bounds
-        return max(self.value - half, min(low, self.value)), min(
-            self.value + half, max(high, self.value)
-        )
+        return max(ends[0], min(low, self.value)), min(ends[1], max(high, self.value))
 
     def to_dict(self) -> dict[str, float | list[float]]:
         """As it stands in ``report.json`` under its name: ``value`` and ``ci95``."""

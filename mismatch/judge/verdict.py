@@ -31,6 +31,10 @@ EXPLAINED_SHARE = 0.8
 """Named effects must explain this share of the residual's power beyond the noise, where what is left is
 more than noise; else they are not all of the truth."""
 
+LOST_SHARE = 0.05
+"""Share of the power beyond noise by which effects may add to it, which is measured no better. Effects
+that add more explain nothing, however likely they make the rest."""
+
 SURE_SHARE, SURE_GAIN = 0.5, 10.0
 """Where they do not, an effect still holds that explains this share of its own balance's power, and
 whose gain is so many times its threshold."""
@@ -117,7 +121,8 @@ def verdict_of(
     explained = float(explained_shares(whiteness, null, fit)[-1])
     several = len(fit.effects) > 1 or any(selection.rivals) or close_call(selection)
     undecided = bool(fit.effects) and not excited and several
-    holds = bool(fit.effects) and gain >= -TELL_APART and not undecided
+    helps = gain >= -TELL_APART and explained >= -LOST_SHARE
+    holds = bool(fit.effects) and helps and not undecided
     whole = left_over is None or explained >= EXPLAINED_SHARE
     # a value at the bound of its search, or outside what is plausible: the truth lies elsewhere
     trial_ship = whiteness.fitter.trial_ship

@@ -153,6 +153,16 @@ def test_four_fifths_must_be_explained_where_more_than_noise_is_left(
     assert verdict(selection(100.0), Whiteness([[9.0]], [[after]], null=False, left=True)) == name
 
 
+@pytest.mark.parametrize(("after", "name"), [(3.09, EXPLAINED), (3.11, NOTHING)])
+def test_effects_that_add_to_the_power_beyond_noise_explain_nothing(
+    after: float, name: str
+) -> None:
+    """Of a power of 2 beyond the noise, 0.05 may be added; neither residual is coloured."""
+    dim = Whiteness([[3.0]], [[after]], null=False)
+    found: Any = verdict_of(selection(100.0), dim, 50.0, True)  # type: ignore[arg-type]
+    assert found.name == name
+
+
 @pytest.mark.parametrize(
     ("ratio", "explained", "far"),
     [(99.9, 0.9, False), (100.1, 0.9, True), (100.1, 0.991, False), (100.1, 0.989, True)],
