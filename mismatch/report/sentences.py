@@ -153,7 +153,7 @@ def sentence(diagnosis: Outcome) -> str:
     if shape is None:
         if biased := biased_parameters(diagnosis):
             said = f"Parameters of the ship file are wrong: {biased}."
-            left = " What is left is more than noise, and the catalogue does not name it."
+            left = " The residual is more than noise, and no effect of the catalogue explains it."
             return said + left if differs(diagnosis) else said
         return "Something is missing that the catalogue does not name."
     signal = shape.signal.replace("_", " ")

@@ -114,16 +114,12 @@ def plain_errors(problem: OutputError, best: Ranked, corrected: Ship) -> list[st
         best: the model, whose held-out errors count the clock skews and the estimated first states.
         corrected: the ship with the model's effects and parameters.
     """
-    replay, rows = problem.replay, problem.held_rows
-    simulated = replay.simulated(replay.simulate(corrected.record()))
-    errors = {
-        c: float(np.sqrt(np.mean((replay.recorded[c] - simulated[c])[rows] ** 2)))
-        for c in problem.names
-    }
-    own = zip(problem.names, best.held, strict=True)
-    if all(errors[c] <= NOTABLE * error for c, error in own):
+    simulated = problem.replay.simulated(problem.replay.simulate(corrected.record()))
+    residual = problem.measured - np.array([simulated[c] for c in problem.names])
+    errors = problem.likelihood.rms(residual[:, problem.held_rows])
+    if np.all(errors <= NOTABLE * best.held):
         return []
-    said = ", ".join(f"{c} {error:.4g}" for c, error in errors.items())
+    said = ", ".join(f"{c} {error:.4g}" for c, error in zip(problem.names, errors, strict=True))
     return [
         "simulated from its file alone, as shaftline simulate does, without clock skews and estimated "
         f"first states, the corrected ship has these held-out rms errors: {said}"
