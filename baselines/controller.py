@@ -44,9 +44,29 @@ class Readings(NamedTuple):
     estimate_valid: NDArray[np.float64]  # 1 or 0
 
 
+NORMALISED_BOUND = 3.0
+"""Bound of every signal of a normalised observation; no ship in units lies within it in all signals."""
+
+
 def readings(observation: Any) -> Readings:
-    """Columns of an observation of shape (8,) or (n, 8)."""
-    table = np.atleast_2d(np.asarray(observation, dtype=np.float64))
+    """Return the columns :data:`OBSERVED` of an observation; further columns are ignored.
+
+    Args:
+        observation: in physical units, shape (k,) or (n, k) with k of at least 8.
+
+    Raises:
+        ValueError: too few columns, or observations that are normalised.
+    """
+    table = np.atleast_2d(np.asarray(observation, dtype=np.float64))[:, : len(OBSERVED)]
+    if table.shape[1] < len(OBSERVED):
+        raise ValueError(
+            f"an observation of {table.shape[1]} signals: controllers need {', '.join(OBSERVED)}"
+        )
+    if (np.abs(table) <= NORMALISED_BOUND).all():
+        raise ValueError(
+            "the observation is normalised, and classic controllers need physical units: make the "
+            "environment with **shaftline.envs.CLASSIC"
+        )
     return Readings(*table.T)
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..core.compiled import Record, compiled
 from ..plant.drives.diesel import rack_of_torque, torque_limit
 from ..plant.linear import linearise
+from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from ..plant.ship_files import load_ship
 from ..plant.steady_state import equilibrium
@@ -25,6 +26,9 @@ from .steady_points import steady_point
 
 RESPONSE_S = 2.0
 """Time constant of the closed loop [s]; never less than three control intervals."""
+
+_LIMITER_GAIN = 0.8
+"""Gain of the rack limits, of the one that takes a speed error back within the response time."""
 
 _TUNED_AT = 6  # shaft speeds over the engine's range
 
@@ -43,6 +47,46 @@ def highest_rack(plant: Record, shaft_speed: float) -> float:
     engine_speed = plant.gear_ratio * shaft_speed
     rack = rack_of_torque(plant, engine_speed, torque_limit(plant, engine_speed))
     return float(max(plant.drive_min, min(rack, plant.drive_max)))
+
+
+@compiled
+def limiter_slope(plant: Record, response_s: float) -> float:
+    """Return the slope of the rack limits over shaft speed [mm s/rad] beyond the allowed speeds.
+
+    Args:
+        plant: ship record.
+        response_s: time in which a rack error of the slope takes back a speed error [s].
+    """
+    down = plant.gear_ratio * plant.transmission_efficiency
+    return float(_LIMITER_GAIN * shaft_inertia(plant) / response_s / (plant.torque_per_rack * down))
+
+
+@compiled
+def rack_limits(plant: Record, shaft_speed: float, slope: float) -> tuple[float, float]:
+    """Return the lowest and highest fuel rack [mm] that protect the engine at a shaft speed.
+
+    The lowest rack keeps the engine turning: below the lowest engine speed it rises from the rack of
+    no torque. The highest is that of the torque limiter, and falls beyond the highest engine speed.
+
+    Args:
+        plant: ship record.
+        shaft_speed: measured omega [rad/s].
+        slope: from :func:`limiter_slope` [mm s/rad].
+    """
+    low = plant.engine_speed_min / plant.gear_ratio
+    high = plant.engine_speed_max / plant.gear_ratio
+    unloaded = rack_of_torque(plant, plant.engine_speed_min, 0.0)
+    most = max(highest_rack(plant, shaft_speed) - slope * max(shaft_speed - high, 0.0), 0.0)
+    return float(min(max(unloaded + slope * (low - shaft_speed), 0.0), most)), float(most)
+
+
+@compiled
+def limited_rack(plant: Record, rack: float, shaft_speed: float, slope: float) -> float:
+    """Return a fuel rack command [mm] kept inside :func:`rack_limits`; nan speeds limit nothing."""
+    if not math.isfinite(shaft_speed):
+        return rack
+    least, most = rack_limits(plant, shaft_speed, slope)
+    return min(max(rack, least), most)
 
 
 @compiled

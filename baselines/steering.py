@@ -19,7 +19,7 @@ def course(observation: Any) -> Course:
     """What a helmsman sees of observations of shape (14,) or (n, 14)."""
     table = np.atleast_2d(np.asarray(observation, dtype=np.float64))
     speed = table[:, OBSERVED.index("measured_ship_speed")]
-    ahead = dict(zip(STEERED, table[:, len(OBSERVED) :].T, strict=True))
+    ahead = dict(zip(STEERED, table[:, len(OBSERVED) : len(OBSERVED_STEERED)].T, strict=True))
     return Course(
         ahead["heading_order"], ahead["heading"], ahead["yaw_rate"], ahead["rudder_angle"],
         ahead["cross_track_order"], ahead["cross_track"], speed,

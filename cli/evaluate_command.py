@@ -17,8 +17,8 @@ from ..agents.evaluation.page import distinct, zero_everywhere
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
 from ..baselines import Controller
 from ..core.sweep import check_backend
-from ..envs import DEFAULTS, FrigateEnv, get_task, tasks
-from ..envs.settings import LONGEST_S
+from ..envs import CLASSIC, DEFAULTS, FrigateEnv, get_task, tasks
+from ..envs.settings import EPISODE_S, LONGEST_S
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
 from .console import (
@@ -72,7 +72,7 @@ def evaluate(
     ] = 20,
     episode_s: Annotated[
         float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
-    ] = DEFAULTS.episode_s,
+    ] = EPISODE_S,
     out: Annotated[Path, typer.Option(help="Folder for table, CSV, JSON, figures.")] = Path(
         "out/evaluate"
     ),
@@ -162,8 +162,9 @@ def _last_frame(setting: Setting, controller: Controller) -> np.ndarray:  # type
         task=setting.task,
         sea=None if setting.sea == "task" else setting.sea,
         observer=setting.observer,
-        episode_s=setting.episode_s,
+        max_episode_steps=max(round(setting.episode_s / _INTERVAL), 1),
         render_mode="rgb_array",
+        **CLASSIC,
     )
     observation, _ = env.reset(seed=0)
     state, start, done = None, True, False

@@ -12,7 +12,7 @@ from ..baselines import controller_names, helmsman_names
 from ..baselines.registry import about
 from ..core.files import check_writable, write_text
 from ..display.tables import markdown
-from ..envs import tasks
+from ..envs import Goals, tasks
 from ..mismatch import catalogue
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
@@ -43,6 +43,11 @@ def registries() -> dict[str, pd.DataFrame]:
             [(name, task.description) for name, task in tasks().items()],
             columns=["task", "description"],
         ),
+        "Reward terms": pd.DataFrame(
+            [(name, field.description) for name, field in Goals.model_fields.items()],
+            columns=["term", "description"],
+        ),
+        "Goals of the tasks": _goals(),
         "Load cases": pd.DataFrame(
             [(case.name, case.description) for case in CASES.values()],
             columns=["load case", "description"],
@@ -59,6 +64,18 @@ def registries() -> dict[str, pd.DataFrame]:
             ship_keys(), columns=["key", "unit", "allowed", "default", "description"]
         ),
     }
+
+
+def _goals() -> pd.DataFrame:
+    """Return the goals of every task with tolerance, weight and reason."""
+    rows = [
+        (name, term, f"{goal.within:g}", f"{goal.margin:g}",
+         "factor" if goal.weight is None else f"{goal.weight:g}", goal.reason)
+        for name, task in {**tasks(), **tasks(steered=True)}.items()
+        for term, goal in task.goals.used.items()
+    ]  # fmt: skip
+    heads = ["task", "term", "fully reached within", "margin (value 0.1)", "weight", "reason"]
+    return pd.DataFrame(rows, columns=heads)
 
 
 def _controllers(names: list[str], kind: str) -> pd.DataFrame:

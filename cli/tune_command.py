@@ -8,7 +8,7 @@ import typer
 
 from ..baselines import controller_names
 from ..envs import DEFAULTS, get_task, tasks
-from ..envs.settings import LONGEST_S
+from ..envs.settings import EPISODE_S, LONGEST_S
 from ..observers import get_observer
 from .console import MOST_SEEDS, clear_errors, needs_train, say, stages
 from .machine import numbers
@@ -34,7 +34,7 @@ def tune(
     ] = 24,
     episode_s: Annotated[
         float, typer.Option(min=1.0, max=LONGEST_S, help="Length of an episode [s].")
-    ] = DEFAULTS.episode_s,
+    ] = EPISODE_S,
     seed: Annotated[int, typer.Option(min=0, help="Equal seeds find equal constants.")] = 0,
     observer: Annotated[
         str, typer.Option(help="Observer whose estimate it sees.")

@@ -9,6 +9,7 @@ import typer
 
 from ..core.files import check_writable
 from ..envs import DEFAULTS, get_task, tasks
+from ..envs.settings import EPISODE_S
 from ..observers import get_observer
 from ..studies.film import Span, sailed, sea_of, write
 from .console import clear_errors, say, stages
@@ -53,10 +54,10 @@ def video(
         check_writable(out)
         if len(controllers) > _MOST:
             raise ValueError(f"{len(controllers)} controllers: at most {_MOST} fit side by side")
-        if begin_s + seconds > DEFAULTS.episode_s:
+        if begin_s + seconds > EPISODE_S:
             raise ValueError(
                 f"--begin-s {begin_s:g} and --seconds {seconds:g}: an episode ends after "
-                f"{DEFAULTS.episode_s:g} s"
+                f"{EPISODE_S:g} s"
             )
         get_task(task)
         get_observer(observer)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from gymnasium.envs.registration import register, registry
 
 from .frigate import FrigateEnv, FrigateVectorEnv
-from .rewards import TERMS, Weights
-from .settings import DEFAULTS, Settings
+from .rewards import TERMS, Goal, Goals
+from .settings import CLASSIC, DEFAULTS, Settings
 from .steering import SteeringEnv, SteeringVectorEnv
 from .tasks import Task, get_task, tasks
 
@@ -23,18 +23,19 @@ if "shaftline/Steering-v0" not in registry:
         id="shaftline/Steering-v0",
         entry_point="shaftline.envs.steering:SteeringEnv",
         vector_entry_point="shaftline.envs.steering:SteeringVectorEnv",
+        max_episode_steps=DEFAULTS.max_episode_steps,
     )
 if "shaftline/Frigate-v0" not in registry:
     register(
         id="shaftline/Frigate-v0",
         entry_point="shaftline.envs.frigate:FrigateEnv",
         vector_entry_point="shaftline.envs.frigate:FrigateVectorEnv",
+        max_episode_steps=DEFAULTS.max_episode_steps,
     )
 
 __all__ = [
-    "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Sb3Frigates", "Settings", "SteeringEnv",
-    "SteeringVectorEnv", "Task",
-    "Weights", "get_task", "tasks",
+    "CLASSIC", "DEFAULTS", "TERMS", "FrigateEnv", "FrigateVectorEnv", "Goal", "Goals", "Sb3Frigates",
+    "Settings", "SteeringEnv", "SteeringVectorEnv", "Task", "get_task", "tasks",
 ]  # fmt: skip
 
 

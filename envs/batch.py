@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -11,25 +10,50 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..baselines.controller import OBSERVED
-from ..baselines.governor import tune
-from ..baselines.steering import OBSERVED_STEERED
+from ..baselines.controller import NORMALISED_BOUND, OBSERVED
+from ..baselines.governor import limiter_slope, tune
+from ..baselines.helmsman import STEERED
+from ..core.compiled import compiled
 from ..core.sizes import check_size
 from ..observers import get_observer
 from ..plant import Ship
 from ..plant.helm import refuse_to_steer
 from ..plant.terms import Term
-from .divergence import refuse_divergence
 from .kernel import control_interval, first_observation
 from .options import Begin
 from .ranges import observed_ranges
-from .records import COMMON, ENVIRONMENT, EPISODE, MAX_ORDERS
+from .records import (
+    BASE_COMMANDS,
+    COMMON,
+    DIRECT_RACK,
+    ENVIRONMENT,
+    LEARNER_SIGNALS,
+    LIMITED_RACK,
+    OBSERVATION,
+    RACK_COMMAND,
+    SHAFT_SPEED,
+    SHAFT_SPEED_COMMAND,
+)
+from .residual import BaseController
+from .rewards import goals_record
 from .settings import Settings, check_randomise, noise_of, seas_of
-from .starts import draw_episodes, start_episodes, steady_states, steady_tables
+from .starts import (
+    DRAWS,
+    DRAWS_STEERED,
+    ranges_of,
+    sea_ends,
+    start_episodes,
+    steady_states,
+    steady_tables,
+)
 from .tasks import get_task
 
 _BYTES_EACH = 1e5  # an environment with its sea, measured
 _FIELDS: Any = ENVIRONMENT.fields
+_SECOND = {"fuel-rack": DIRECT_RACK, "limited-rack": LIMITED_RACK, "shaft-speed": SHAFT_SPEED}
+
+LIMITER_RESPONSE_S = 0.5
+"""Time in which the limits of a rack command take back a speed error, at a gain of one [s]."""
 
 
 @functools.lru_cache(maxsize=16)
@@ -55,14 +79,26 @@ def pushed(ship: Ship) -> Ship:
     return ship.with_signals({"drift_force": "N"}).with_values({"term": [*ship.term, force]})
 
 
-def _within(uniform: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    """Return numbers uniform in [0, 1) as NumPy's ``uniform(low, high)`` scales them."""
-    return low + (high - low) * uniform
+@compiled
+def _observe(
+    signals: NDArray[np.float32], which: NDArray[np.int64], columns: NDArray[np.int64],
+    middle: NDArray[np.float32], half: NDArray[np.float32], bound: float,
+    rows: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Fill rows with the chosen signals of environments, scaled and clipped."""
+    for i in range(len(which)):
+        for j in range(len(columns)):
+            scaled = (signals[which[i], columns[j]] - middle[j]) / half[j]
+            rows[i, j] = min(max(scaled, -bound), bound)
 
 
-def _given(option: Any, drawn: Any) -> Any:
-    """Return what an option of the reset sets, or what was drawn."""
-    return drawn if option is None else option
+class Beginning(NamedTuple):
+    """Distribution of the beginning of episodes."""
+
+    ranges: Any
+    """EPISODE_RANGES of shape (1,)."""
+    seas: NDArray[np.float64]
+    """Of :func:`shaftline.envs.starts.sea_ends`."""
 
 
 class Arrays(NamedTuple):
@@ -119,26 +155,36 @@ class Batch:
         self._varied = [
             (self.ship.number(key), width) for key, width in (settings.randomise or {}).items()
         ]
-        self.gains = np.zeros((3, 0))
-        if settings.action_mode == "shaft-speed":
+        self.command = settings.command_in(self.task)
+        self.gains = np.zeros((3, 1))
+        if self.command == "shaft-speed":
             self.gains = _governor_gains(self.ship)
         self.table = steady_states(self.ship)
         self._tables = steady_tables(self.ship)
         self.n = n
+        self._everyone = np.arange(n)
         observer = get_observer(settings.observer, settings.tuning).discretise(self.ship, self.dt)
         self.environments = np.zeros(n, ENVIRONMENT)
         self.environments["plant"] = (pushed(self.ship) if steered else self.ship).record()
         self.environments["observer"] = observer
-        self.scale: Any = None
-        if settings.normalised:
-            top = float(self.table["ship_speed"].max())
-            self.scale = observed_ranges(self.ship, top, self.observed)
-        self.common = np.zeros(1, COMMON)[0]
+        self.base: BaseController | None = None
+        if settings.base_controller is not None:
+            self.base = BaseController(
+                settings.base_controller, self.ship, self.interval_s, n, steered
+            )
+        self._columns = np.array([OBSERVATION.names.index(name) for name in self.observed])
+        top = float(self.table["ship_speed"].max())
+        middle, half = observed_ranges(self.ship, top, self.observed)
+        if not settings.normalised:
+            middle, half = np.zeros_like(middle), np.ones_like(half)
+        self._scale = (middle, half)
+        self._usual = self._beginning(Begin.of(None, self.task, (0.0, 0.0), steered))
+        self.commons = np.zeros(1, COMMON)
         self.common["noise"] = noise_of(self.ship, settings.sensor_noise)
-        self.common["worst_cost"] = self.task.worst_cost
-        self.common["intervals"] = settings.intervals
-        for term, weight in self.task.weights.model_dump().items():
-            self.common["weights"][term] = weight
+        self.common["goals"] = goals_record(self.task.goals)
+        self.common["increments"] = settings.action_mode == "increment"
+        self.common["second"] = _SECOND[self.command]
+        self.common["limiter_slope"] = limiter_slope(self.ship.record(), LIMITER_RESPONSE_S)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """As it was, in another process."""
@@ -148,6 +194,11 @@ class Batch:
         self.environments["observer"]["address"] = observer.address
 
     @property
+    def common(self) -> Any:
+        """COMMON record of the batch."""
+        return self.commons[0]
+
+    @property
     def arrays(self) -> Arrays:
         """The batch by kind of record."""
         return Arrays(*(self.environments[name] for name in ENVIRONMENT.names or ()))
@@ -155,107 +206,90 @@ class Batch:
     @property
     def observed(self) -> tuple[str, ...]:
         """Signals of an observation, in order."""
-        return OBSERVED_STEERED if self.steered else OBSERVED
+        second = SHAFT_SPEED_COMMAND if self.command == "shaft-speed" else RACK_COMMAND
+        base = () if self.base is None else BASE_COMMANDS[: self.actions]
+        return (*OBSERVED, *(STEERED if self.steered else ()), *LEARNER_SIGNALS, second, *base)
 
     @property
     def actions(self) -> int:
-        """How many numbers an action has."""
+        """Number of values of an action."""
         return 3 if self.steered else 2
 
     @property
-    def observation(self) -> NDArray[np.float32]:
-        """The observations as plain rows, shape (n, 8), or (n, 14) where the ship is steered."""
+    def signals(self) -> NDArray[np.float32]:
+        """Every signal of :data:`OBSERVATION` in physical units, shape (n, k), without a copy."""
         # a record's field is no contiguous array, so its rows are laid over the records' memory
         offset = _FIELDS["observation"][1]
         return np.ndarray(
-            (self.n, len(self.observed)), np.float32, self.environments.view(np.uint8), offset,
+            (self.n, len(OBSERVATION)), np.float32, self.environments.view(np.uint8), offset,
             (ENVIRONMENT.itemsize, 4),
         )  # fmt: skip
 
-    def told(self, which: Any = slice(None)) -> NDArray[np.float32]:
-        """A copy of the observations as an agent gets them, shape (n, 8) or (n, 14).
+    def observation(self, which: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
+        """Return observations in the form that the settings ask for, shape (k, o).
 
         Args:
-            which: of the environments; all by default.
+            which: indices of the environments; all by default.
         """
-        rows = np.array(self.observation[which])
-        if self.scale is not None:
-            rows = (rows - self.scale[0]) / self.scale[1]
-        return rows.astype(np.float32, copy=False)
+        signals = self.signals
+        rows = np.empty((self.n if which is None else len(which), len(self._columns)), np.float32)
+        if which is None:
+            which = self._everyone
+        bound = NORMALISED_BOUND if self.settings.normalised else np.inf
+        _observe(signals, which, self._columns, *self._scale, bound, rows)
+        return rows
 
     @property
     def elapsed(self) -> NDArray[np.int64]:
         """Control intervals since the last reset, shape (n,)."""
         return np.asarray(self.environments["episode"]["elapsed"])
 
-    def begin(self, options: Mapping[str, Any] | None) -> Begin:
-        """How episodes begin under the options of a reset.
+    def begin(self, options: Mapping[str, Any] | None) -> Beginning:
+        """Return how episodes begin under the options of a reset.
 
         Raises:
             ValueError: an unknown option, or a value out of range.
         """
+        if not options:
+            return self._usual
         known = self.table["ship_speed"]
         speeds = (float(known[0]), float(known[-1]))
-        return Begin.of(options, self.task, speeds, self.steered)
+        return self._beginning(Begin.of(options, self.task, speeds, self.steered))
+
+    def _beginning(self, begin: Begin) -> Beginning:
+        seas = self.seas_to_draw if begin.seas is None else begin.seas
+        return Beginning(ranges_of(begin, self.task), sea_ends(seas))
 
     def reset(
-        self, which: NDArray[np.int64], rngs: Sequence[np.random.Generator], begin: Begin
+        self, which: NDArray[np.int64], rngs: Sequence[np.random.Generator], beginning: Beginning
     ) -> None:
         """Begin a new episode of some environments.
 
         Args:
             which: indices of the environments, shape (k,).
-            rngs: one an environment, from which everything of its episode is drawn.
-            begin: from :meth:`begin`.
+            rngs: a generator for each, from which everything of its episode is drawn.
+            beginning: from :meth:`begin`.
         """
-        task, arrays = self.task, self.arrays
         varied = len(self._varied)
-        draws, uniform = draw_episodes(rngs, self.seas_to_draw, begin, varied, self.steered)
-        for factor, (number, width) in zip(uniform.T, self._varied, strict=False):
+        draws = DRAWS_STEERED if self.steered else DRAWS
+        uniform = np.empty((len(which), draws + varied))
+        for row, rng in zip(uniform, rngs, strict=True):
+            rng.random(out=row)
+        for factor, (number, width) in zip(uniform[:, draws:].T, self._varied, strict=True):
             place = (which, *number.place)
-            arrays.plants[number.field][place] = number.value * _within(
-                factor, 1 - width, 1 + width
-            )
-        episode = np.zeros(len(which), EPISODE)
-        columns = uniform[:, varied:]
-        orders, columns = columns[:, :MAX_ORDERS], columns[:, MAX_ORDERS:]
-        episode["random"] = draws["random"]
-        episode["orders"] = _given(begin.orders, _within(orders, *task.speed_order_m_s))
-        episode["order_interval"] = begin.order_interval_s
-        rise = _given(begin.resistance_rise, _within(columns[:, 0], *task.resistance_rise))
-        episode["resistance_mean"] = 1.0 + rise
-        episode["resistance_swing"] = task.resistance_swing
-        episode["resistance_frequency"] = 2.0 * math.pi / _within(columns[:, 1], 60.0, 180.0)
-        episode["resistance_phase"] = _within(columns[:, 2], 0.0, 2.0 * math.pi)
-        if self.steered:
-            self._set_course(which, episode, columns[:, 3:], begin)
-        environments = self.environments
-        for name in ("state", "sea", "estimate", "ended"):
-            environments[name][which] = np.zeros(1, ENVIRONMENT[name])
-        environments["episode"][which] = episode
-        speeds = _given(begin.initial_speed_m_s, episode["orders"][:, 0])
+            factors = 1.0 - width + 2.0 * width * factor
+            self.arrays.plants[number.field][place] = number.value * factors
+        raw = self.environments.view(np.uint8).reshape(self.n, ENVIRONMENT.itemsize)
         start_episodes(
-            environments, which, draws, np.broadcast_to(speeds, len(which)).copy(), self._tables,
-            self.ship.propeller.depth_m, self.dt,
+            self.environments, raw, which, uniform[:, :draws], beginning.ranges, beginning.seas,
+            self._tables, self.ship.propeller.depth_m, self.dt,
         )  # fmt: skip
-
-    def _set_course(
-        self, which: NDArray[np.int64], episode: Any, uniform: NDArray[np.float64], begin: Begin
-    ) -> None:
-        """Set headings, lines, current and side force of episodes."""
-        task = self.task
-        headings, lines = uniform[:, :MAX_ORDERS], uniform[:, MAX_ORDERS : 2 * MAX_ORDERS]
-        current = _within(uniform[:, -2], *task.cross_current_m_s)
-        force = 1e3 * _within(uniform[:, -1], *task.drift_force_kN)
-        angles = np.radians(_within(headings, *task.heading_order_deg))
-        episode["heading_orders"] = _given(begin.heading_orders, angles)
-        episode["track_orders"] = _given(begin.track_orders, _within(lines, *task.track_order_m))
-        self.arrays.plants["cross_current"][which] = _given(begin.cross_current_m_s, current)
-        episode["drift_force"] = _given(begin.drift_force_N, force)
 
     def observe(self, which: NDArray[np.int64]) -> None:
         """Fill the observations of environments that were just reset."""
-        first_observation(self.environments, self.common, self.dt, which)
+        first_observation(self.environments, self.commons, self.interval_s, self.dt, which)
+        if self.base is not None:
+            self.base.begin(self.signals, which)
 
     def step(
         self, action: NDArray[np.float32], pool: ThreadPoolExecutor | None = None, shares: int = 1
@@ -267,14 +301,23 @@ class Batch:
             pool: threads that do it; this one by default.
             shares: parts into which the batch is cut for them.
         """
+        if self.base is not None:
+            action = self.base.add(action)
         if pool is None:
             self._step(action, 0, self.n)
-            return
-        bounds = np.linspace(0, self.n, min(shares, self.n) + 1).astype(int)
-        list(pool.map(self._step, [action] * (len(bounds) - 1), bounds[:-1], bounds[1:]))
+        else:
+            bounds = np.linspace(0, self.n, min(shares, self.n) + 1).astype(int)
+            list(pool.map(self._step, [action] * (len(bounds) - 1), bounds[:-1], bounds[1:]))
+        if self.base is not None:
+            self.base.follow(self.signals)
 
     def _step(self, action: NDArray[np.float32], first: int, last: int) -> None:
-        control_interval(
-            self.environments, self.common, self.gains, action, self.steps, self.dt, first, last,
+        diverged = control_interval(
+            self.environments, self.commons, self.gains, action, self.steps, self.dt, first, last,
         )  # fmt: skip
-        refuse_divergence(self.ship, self.environments, first, last)
+        if diverged >= 0:
+            raise ValueError(
+                f"{self.ship.name}: the simulation of environment {diverged} diverges: its state is "
+                "not finite. A parameter or a term of the ship is too fast for the time step of "
+                f"{self.dt:g} s"
+            )

@@ -51,27 +51,50 @@ def _dashboard(batch: Batch, ship: int = 0) -> Dashboard:
 
 
 class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """A ship's propulsion plant in waves, commanded by pitch and fuel rack.
+    """A ship's propulsion plant in waves, commanded by blade pitch and shaft speed or fuel rack.
 
     ## Observation
-    ``Box(8,)`` in physical units: ordered ship speed [m/s], shaft speed [rad/s], torque at the gauge
-    [N m], pitch ratio [-], fuel rack [mm], ship speed [m/s] (all as the noisy instruments read them),
-    the observer's estimate of the advance velocity [m/s] and whether it is valid. They are of the last
-    plant step before the action.
+    ``Box(15,)`` in [-3, 3]: each signal scaled so that the ship's own range of it is -1 to 1, and
+    clipped. ``normalised=False`` gives physical units.
+
+    | index | signal | unit | range that is scaled to -1 to 1 |
+    |---|---|---|---|
+    | 0 | ordered ship speed | m/s | 0 to the highest speed in calm water |
+    | 1 | measured shaft speed | rad/s | 0 to the highest |
+    | 2 | measured shaft torque | N m | 0 to the highest |
+    | 3 | measured pitch ratio | - | lowest to highest |
+    | 4 | fuel rack position | mm | lowest to highest |
+    | 5 | measured ship speed | m/s | 0 to the highest speed in calm water |
+    | 6 | advance velocity, estimated by the observer | m/s | 0 to the highest speed in calm water |
+    | 7 | whether the estimate is valid | 0 or 1 | 0 to 1 |
+    | 8 | ordered less measured ship speed | m/s | -2 to 2 |
+    | 9 | pitch command that runs | - | lowest to highest |
+    | 10 | shaft torque less its mean over 20 s | N m | 20 % of the highest to both sides |
+    | 11 | engine torque, by its rack map, less its mean over 20 s | N m | likewise |
+    | 12 | estimated angle of attack of the blades | deg | 0 to 10 |
+    | 13 | angle of attack less its mean over 20 s | deg | -4 to 4 |
+    | 14 | shaft speed set-point or fuel rack command that runs | rad/s or mm | lowest to highest |
+
+    A residual adds the commands of its base controller (P/D and fuel rack). The signals are those of the
+    last plant step before the action.
 
     ## Action
-    ``Box(2,)`` in [-1, 1]: pitch command and fuel rack command over the ship's ranges; values outside
-    are clipped, a value that is not finite is refused. With ``action_mode="shaft-speed"`` the second
-    is the shaft speed over the engine's range, held by a governor.
+    ``Box(2,)`` in [-1, 1]; values outside are clipped, a value that is not finite is refused. The first
+    is for the blade pitch, the second for the drive: ``command`` chooses the set-point of a shaft speed
+    governor or the fuel rack. ``action_mode`` chooses what an action means: an ``increment`` of the
+    running command (at 1 a command crosses its range in 20 s), the ``absolute`` command over the ship's
+    range, or a ``residual`` that is added to the command of a classic controller (at 1 a quarter of the
+    range).
 
     ## Reward
-    Minus the weighted sum of the task's terms, at least ``-worst_cost`` of the task; ``info`` holds each
-    term in its physical unit. An engine that stalls or trips costs more than ``worst_cost`` at every
-    interval of a whole episode (:func:`shaftline.envs.rewards.reward_of`).
+    In [0, 1] for each control interval: the goals of the task, each with a tolerance in its physical
+    unit (:mod:`shaftline.envs.rewards`). ``info["reward_terms"]`` holds the terms in physical units. The
+    interval in which the engine stalls or trips has the reward 0.
 
     ## Episode end
-    Terminated where the engine stalls or trips on overspeed; truncated after ``episode_s``; both where
-    the engine fails in the last interval. A reset must come before the next step.
+    Terminated where the engine stalls or trips on overspeed, so that all later rewards are lost.
+    Truncated after ``max_episode_steps`` control intervals (300 s by default); ``gymnasium.make`` does
+    that with its ``TimeLimit``. ``step`` raises ``ResetNeeded`` after the end.
 
     ## Options of a reset
     ``sea``, ``speed_order_m_s`` (one order, or one for each interval), ``order_interval_s``,
@@ -117,7 +140,7 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._needs_reset = False
         if self._dashboard is not None:
             self._dashboard.clear()
-        return self.batch.told(0), {}
+        return self.batch.observation()[0], self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action over one control interval.
@@ -130,18 +153,31 @@ class FrigateEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("no episode is running, or it has ended: call reset() before step()")
         batch = self.batch
         batch.step(check_action(action, (batch.actions,))[None])
-        env = batch.environments[0]
+        env = self.batch.environments[0]
         ended = int(env["ended"])
-        truncated = bool(env["episode"]["elapsed"] >= batch.settings.intervals)
-        info: dict[str, Any] = dict(zip(TRUTHS, env["truth"].tolist(), strict=True))
-        info["reward_terms"] = dict(zip(TERMS, env["terms"].tolist(), strict=True))
-        if ended != RUNNING:
+        terminated = ended != RUNNING
+        truncated = self._is_at_limit()
+        info = self._info()
+        if terminated:
             info["ended"] = ENDINGS[ended]
         if self._dashboard is not None:
             self._dashboard.record()
-        reward = float(env["reward"])
-        self._needs_reset = ended != RUNNING or truncated
-        return batch.told(0), reward, ended != RUNNING, truncated, info
+        self._needs_reset = terminated or truncated
+        return batch.observation()[0], float(env["reward"]), terminated, truncated, info
+
+    def _is_at_limit(self) -> bool:
+        """Return whether the episode is truncated here; ``gymnasium.make`` has a limit of its own."""
+        limit = self.batch.settings.max_episode_steps
+        if limit is None or self.spec is not None:
+            return False
+        return bool(self.batch.elapsed[0] >= limit)
+
+    def _info(self) -> dict[str, Any]:
+        """Return truth and reward terms; after a reset the terms are zeros."""
+        env = self.batch.environments[0]
+        info: dict[str, Any] = dict(zip(TRUTHS, env["truth"].tolist(), strict=True))
+        info["reward_terms"] = dict(zip(TERMS, env["terms"].tolist(), strict=True))
+        return info
 
     def render(self) -> Any:
         """The dashboard as an RGB array of shape (height, width, 3); None without a render mode."""
@@ -255,7 +291,7 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             self._rngs = [new if m else kept for m, new, kept in zip(mask, fresh, old, strict=True)]
         self._begin = begin
         self._start(np.flatnonzero(mask))
-        return self.batch.told(), {}
+        return self.batch.observation(), self._info(np.zeros(self.num_envs, dtype=bool), mask)
 
     def _start(self, which: NDArray[np.int64]) -> None:
         """Begin episodes in some sub-environments."""
@@ -287,7 +323,8 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             check_action(actions, (self.num_envs, batch.actions)), self._threads(), self._shares
         )
         terminated = arrays.ended != RUNNING
-        truncated = batch.elapsed >= batch.settings.intervals
+        limit = batch.settings.max_episode_steps
+        truncated = batch.elapsed >= (np.inf if limit is None else limit)
         reward = arrays.rewards.copy()
         if len(waiting):
             self._start(waiting)
@@ -295,29 +332,41 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             reward[waiting] = 0.0
         for dashboard in self._dashboards:
             dashboard.record()
-        info = self._info(terminated)
         done = terminated | truncated
-        if done.any():
-            self._ended |= done
-            if self.autoreset_mode is AutoresetMode.SAME_STEP:
-                info["final_info"] = dict(info)
-                info["final_obs"] = np.full(self.num_envs, None, dtype=object)
-                info["_final_obs"] = info["_final_info"] = done
-                which = np.flatnonzero(done)
-                for i, row in zip(which.tolist(), batch.told(which), strict=True):
-                    info["final_obs"][i] = row
-                self._start(which)
-        return batch.told(), reward, terminated, truncated, info
+        self._ended |= done
+        everywhere = np.ones(self.num_envs, dtype=bool)
+        if self.autoreset_mode is not AutoresetMode.SAME_STEP or not done.any():
+            info = self._info(terminated, everywhere)
+        else:
+            final_info, last = self._info(terminated, done), np.full(self.num_envs, None, object)
+            which = np.flatnonzero(done)
+            for i, row in zip(which.tolist(), batch.observation(which), strict=True):
+                last[i] = row
+            self._start(which)
+            info = self._info(np.zeros_like(done), everywhere) | {
+                "final_info": final_info, "_final_info": done, "final_obs": last, "_final_obs": done
+            }  # fmt: skip
+        return batch.observation(), reward, terminated, truncated, info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """The dashboards as RGB arrays of shape (height, width, 3); None without a render mode."""
         return tuple(board.draw() for board in self._dashboards) if self._dashboards else None
 
-    def _info(self, terminated: NDArray[np.bool_]) -> dict[str, Any]:
-        """Truth, reward terms and, where something ended, why: columns of shape (n,)."""
+    def _info(self, terminated: NDArray[np.bool_], present: NDArray[np.bool_]) -> dict[str, Any]:
+        """Return truth, reward terms and, where something ended, why: columns of shape (n,) with masks.
+
+        Args:
+            terminated: where the engine stalled or tripped in this step.
+            present: mask of the sub-environments that the columns are of.
+        """
         arrays = self.batch.arrays
-        info: dict[str, Any] = {name: arrays.truths[name].copy() for name in TRUTHS}
-        info["reward_terms"] = {term: arrays.terms[term].copy() for term in TERMS}
+        info: dict[str, Any] = {}
+        for name in TRUTHS:
+            info[name], info["_" + name] = arrays.truths[name].copy(), present
+        terms: dict[str, Any] = {}
+        for name in TERMS:
+            terms[name], terms["_" + name] = arrays.terms[name].copy(), present
+        info["reward_terms"], info["_reward_terms"] = terms, present
         if terminated.any():
             info["ended"] = np.array(ENDINGS, dtype=object)[arrays.ended]
             info["_ended"] = terminated

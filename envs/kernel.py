@@ -7,28 +7,33 @@ sub-environment. The single environment is a batch of one, so both are the same 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..baselines.actions import decode
-from ..baselines.governor import govern
-from ..core.compiled import Record, compiled
+from ..baselines.governor import govern, limited_rack
+from ..core.compiled import Record, compiled, spelled_out
 from ..observers.records import Measurement
 from ..observers.registry import update
 from ..plant.cavitation import effective_attack, outside_bucket
+from ..plant.drives.diesel import rack_torque
 from ..plant.rudder import rudder_angle
-from ..plant.state import State, get_state
+from ..plant.state import STATE, Outputs, State, get_state
 from ..plant.stepping import Disturbance, observe, step
 from ..plant.waves import inflow_ahead
 from .randomness import normal
-from .records import MAX_ORDERS
-from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of, running_cost
+from .records import LIMITED_RACK, MAX_ORDERS, SHAFT_SPEED
+from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of
 
 DRIFT_SWING = 0.5  # amplitude of the slow swing of the side force, over its mean
 
 MEAN_S = 20.0  # over which a torque's mean is taken
+
+TRAVERSE_S = 20.0
+"""Time in which a command crosses its whole range at an increment of 1 [s]."""
 
 OVERSPEED_TRIP = 1.15  # of the engine's highest speed
 STALL = 0.3  # of its lowest
@@ -110,7 +115,7 @@ def _measure(
     speed_log: float,
     order: float,
 ) -> None:
-    """Read the noisy instruments, let the observer follow, and fill the observation."""
+    """Read the noisy instruments, update the observer, and fill the measured signals."""
     memory, episode, seen = env.memory, env.episode, env.observation
     speed = memory.shaft_speed + noise.shaft_speed * normal(episode)
     torque = memory.shaft_torque + noise.shaft_torque * normal(episode)
@@ -130,6 +135,70 @@ def _measure(
 
 
 @compiled
+def _fill_learner_signals(env: Record, interval_s: float, fresh: bool) -> None:
+    """Fill the signals that an observation adds to the measured ones, at the end of an interval.
+
+    The means over 20 s are of measured or estimated quantities, one sample for each interval.
+
+    Args:
+        env: ENVIRONMENT record with the measured signals, changed in place.
+        interval_s: control interval [s].
+        fresh: whether the episode has just begun: then the means are the present values.
+    """
+    plant, episode, seen = env.plant, env.episode, env.observation
+    torque = float(seen.measured_shaft_torque)
+    engine_torque = rack_torque(
+        plant, plant.gear_ratio * float(seen.shaft_speed), float(seen.fuel_rack)
+    )
+    attack = effective_attack(
+        plant, float(seen.estimated_advance_velocity), float(seen.shaft_speed),
+        float(seen.measured_pitch_ratio),
+    )  # fmt: skip
+    if fresh:
+        episode.measured_mean_torque = torque
+        episode.estimated_mean_brake_torque = engine_torque
+        episode.estimated_mean_attack = attack
+    fading = min(interval_s / MEAN_S, 1.0)
+    episode.measured_mean_torque += fading * (torque - episode.measured_mean_torque)
+    episode.estimated_mean_brake_torque += fading * (
+        engine_torque - episode.estimated_mean_brake_torque
+    )
+    episode.estimated_mean_attack += fading * (attack - episode.estimated_mean_attack)
+    seen.speed_error = seen.speed_order - seen.measured_ship_speed
+    seen.pitch_command = episode.pitch_command
+    seen.shaft_torque_deviation = torque - episode.measured_mean_torque
+    seen.engine_torque_deviation = engine_torque - episode.estimated_mean_brake_torque
+    seen.estimated_angle_of_attack = attack
+    seen.angle_of_attack_deviation = attack - episode.estimated_mean_attack
+    seen.shaft_speed_command = episode.shaft_speed_command
+    seen.fuel_rack_command = episode.rack_command
+
+
+@compiled
+def _fill_truth(
+    env: Record, before: State, outputs: Outputs, attack: float, outside: float, fuel: float,
+    laid: float,
+) -> None:  # fmt: skip
+    """Fill the truth of a plant step: its state before and its outputs."""
+    truth, state = env.truth, env.state
+    truth.advance_velocity = outputs.advance_velocity
+    truth.thrust = outputs.thrust
+    truth.fuel_flow = fuel
+    truth.ventilation = state.ventilation
+    truth.ship_speed = before.ship_speed
+    truth.shaft_speed = before.shaft_speed
+    truth.shaft_torque = outputs.shaft_torque
+    truth.brake_torque = outputs.brake_torque
+    truth.position = state.position
+    truth.blade_pitch = outputs.pitch_ratio
+    truth.angle_of_attack = attack
+    truth.outside_bucket = outside
+    truth.heading = before.heading
+    truth.cross_track = before.cross_track
+    truth.rudder_angle = laid
+
+
+@compiled
 def _see_course(env: Record, noise: Record, now: State, laid: float, time: float) -> None:
     """Fill what a helmsman sees of a ship that turns, at a state with the rudder laid to an angle."""
     episode, seen = env.episode, env.observation
@@ -144,9 +213,10 @@ def _see_course(env: Record, noise: Record, now: State, laid: float, time: float
 
 @compiled
 def first_observation(
-    environments: Any, common: Record, dt: float, which: NDArray[np.int64]
+    environments: Any, commons: Any, interval_s: float, dt: float, which: NDArray[np.int64]
 ) -> None:
-    """Fill the observations of environments ``which`` that were just reset."""
+    """Fill observations and truth of environments ``which`` that were just reset."""
+    common = commons[0]
     for i in which:
         env = environments[i]
         state, episode = env.state, env.episode
@@ -154,17 +224,23 @@ def first_observation(
             env.plant, state, env.memory, env.sea, episode.pitch_command, 0.0,
             disturbance(episode, 0.0), dt,
         )  # fmt: skip
-        episode.gauge_torque = episode.mean_torque = outputs.shaft_torque
-        episode.mean_brake_torque = outputs.brake_torque
-        episode.mean_attack = effective_attack(
+        attack = effective_attack(
             env.plant, outputs.advance_velocity, state.shaft_speed, outputs.pitch_ratio
         )
+        outside = outside_bucket(env.plant, attack, state.shaft_speed, outputs.submergence)
+        episode.mean_torque = outputs.shaft_torque
+        episode.mean_brake_torque = outputs.brake_torque
+        episode.mean_attack = attack
+        fuel = fuel_of_all(env.plant, state.shaft_speed, outputs.brake_torque)
+        clear_terms(env.terms)
+        _fill_truth(env, get_state(state), outputs, attack, outside, fuel, 0.0)
         _measure(
             env, common.noise, outputs.shaft_acceleration,
             outputs.advance_velocity, env.memory.speed_log, speed_order(episode, 0.0),
         )  # fmt: skip
         if env.plant.turns != 0:
             _see_course(env, common.noise, get_state(state), 0.0, 0.0)
+        _fill_learner_signals(env, interval_s, True)
 
 
 @compiled
@@ -184,65 +260,124 @@ def _gains_at(gains: NDArray[np.float64], speed: float) -> tuple[float, float]:
 
 
 @compiled
+def _set_commands(
+    env: Record, common: Record, action: NDArray[np.float32], interval_s: float
+) -> float:
+    """Set the commands of an environment from an action, and return the rudder command [rad].
+
+    Args:
+        env: ENVIRONMENT record, changed in place.
+        common: COMMON record.
+        action: in [-1, 1], shape (2,) or (3,); see :func:`control_interval`.
+        interval_s: control interval [s].
+    """
+    plant, episode = env.plant, env.episode
+    slowest = plant.engine_speed_min / plant.gear_ratio
+    fastest = plant.engine_speed_max / plant.gear_ratio
+    if common.increments != 0:
+        share = interval_s / TRAVERSE_S
+        episode.pitch_command = _moved(
+            episode.pitch_command, share * action[0], plant.pitch_ratio_min, plant.pitch_ratio_max
+        )
+        if common.second == SHAFT_SPEED:
+            episode.shaft_speed_command = _moved(
+                episode.shaft_speed_command, share * action[1], slowest, fastest
+            )
+        else:
+            episode.rack_command = _moved(
+                episode.rack_command, share * action[1], plant.drive_min, plant.drive_max
+            )
+    else:
+        episode.pitch_command = decode(action[0], plant.pitch_ratio_min, plant.pitch_ratio_max)
+        episode.rack_command = decode(action[1], plant.drive_min, plant.drive_max)
+        episode.shaft_speed_command = decode(action[1], slowest, fastest)
+    rudder = 0.0
+    if len(action) > 2:
+        rudder = decode(action[2], -plant.rudder_max, plant.rudder_max)
+    return rudder
+
+
+@compiled
+def _moved(command: float, share: float, low: float, high: float) -> float:
+    """Return a command moved by a share of its range and kept inside the range."""
+    return min(max(command + share * (high - low), low), high)
+
+
+state_sum: Callable[[Any], float] = spelled_out(
+    """
+def state_sum(state):
+    total = 0.0
+    total += state.{field}
+    return total
+""",
+    STATE.names or (),
+    globals(),
+)
+"""Return the sum of all states, which is finite where each of them is."""
+
+
+@compiled
 def control_interval(
     environments: Any,
-    common: Record,
+    commons: Any,
     gains: NDArray[np.float64],
     action: NDArray[np.float32],
     steps: int,
     dt: float,
     first: int,
     last: int,
-) -> None:
-    """Carry environments ``first`` to ``last`` over one control interval; all changes in place.
+) -> int:
+    """Simulate environments ``first`` to ``last`` over one control interval; all changes in place.
+
+    Returns the first environment whose state is not finite at the end, or -1.
 
     Args:
         environments: ENVIRONMENT array of shape (n,).
-        common: COMMON record.
-        gains: of the governor: shaft speed, k_p, k_i by row, shape (3, m); shape (3, 0) leaves the
-            rack to the action.
-        action: in [-1, 1], shape (n, 2) or (n, 3), over the ship's ranges: pitch command, fuel rack
-            command or, where there is a governor, shaft speed set-point, and rudder command; amidships
-            where it is not given.
+        commons: COMMON array of shape (1,).
+        gains: of the governor: shaft speed, k_p, k_i by row, shape (3, m).
+        action: in [-1, 1], shape (n, 2) or (n, 3): pitch command, command of the drive (fuel rack or
+            shaft speed set-point, see COMMON) and rudder command, each over the range of the ship.
+            Where actions are increments, the first two are rates of change: at 1 a command crosses
+            its range in :data:`TRAVERSE_S`. Without a third action the rudder is amidships.
         steps: plant steps in the interval.
         dt: plant step [s].
         first: first environment.
         last: one past the last.
     """
-    governed = gains.shape[1] > 0
     share = 1.0 / steps
+    interval_s = steps * dt
+    common = commons[0]
+    diverged = -1
     for i in range(first, last):
         env = environments[i]
         plant, state, memory, episode = env.plant, env.state, env.memory, env.episode
-        terms, truth = env.terms, env.truth
-        pitch = decode(action[i, 0], plant.pitch_ratio_min, plant.pitch_ratio_max)
-        drive = decode(action[i, 1], plant.drive_min, plant.drive_max)
-        set_point = decode(
-            action[i, 1],
-            plant.engine_speed_min / plant.gear_ratio,
-            plant.engine_speed_max / plant.gear_ratio,
-        )
-        rudder = 0.0
-        if action.shape[1] > 2:
-            rudder = decode(action[i, 2], -plant.rudder_max, plant.rudder_max)
+        terms = env.terms
         laid = rudder_angle(plant, state.rudder_angle, episode.rudder_command)
         clear_terms(terms)
-        episode.pitch_command, episode.rudder_command = pitch, rudder
+        rudder = _set_commands(env, common, action[i], interval_s)
+        episode.rudder_command = rudder
+        pitch, drive = episode.pitch_command, episode.rack_command
         # the swing turns on by half steps: n of them leave its phasor wrong by less than n times 1e-15
         swing = _unit_phasor(resistance_angle(episode, episode.elapsed * steps * dt))
         half_step = _unit_phasor(0.5 * dt * episode.resistance_frequency)
         end = _swung(episode, swing)
         for k in range(steps):
             time = (episode.elapsed * steps + k) * dt
-            order = speed_order(episode, time)
-            if governed:
+            which = order_at(episode, time)
+            order = float(episode.orders[which])
+            if common.second == SHAFT_SPEED:
                 proportional, integral_gain = _gains_at(gains, episode.measured_shaft_speed)
                 drive, episode.integral = govern(
-                    plant, set_point, episode.measured_shaft_speed, episode.integral, proportional,
-                    integral_gain,
+                    plant, episode.shaft_speed_command, episode.measured_shaft_speed,
+                    episode.integral, proportional, integral_gain,
                 )  # fmt: skip
+            elif common.second == LIMITED_RACK:
+                drive = limited_rack(
+                    plant, episode.rack_command, episode.measured_shaft_speed, common.limiter_slope
+                )
             before, log = get_state(state), memory.speed_log
-            shaft_speed, ship_speed = before.shaft_speed, before.ship_speed
+            pitch_before = memory.blade_pitch
+            shaft_speed = before.shaft_speed
             start, middle = end, _swung(episode, swing * half_step)
             swing = swing * half_step * half_step
             end = _swung(episode, swing)
@@ -250,8 +385,6 @@ def control_interval(
                 plant, state, memory, env.sea, drive, pitch, rudder, start, middle, end, dt,
             )  # fmt: skip
             laid_before, laid = laid, rudder_angle(plant, state.rudder_angle, rudder)
-            torque_before = episode.gauge_torque
-            episode.gauge_torque = outputs.shaft_torque
             attack = effective_attack(
                 plant, outputs.advance_velocity, shaft_speed, outputs.pitch_ratio
             )
@@ -262,41 +395,29 @@ def control_interval(
             episode.mean_attack += fading * (attack - episode.mean_attack)
             fuel = fuel_of_all(plant, shaft_speed, outputs.brake_torque)
             now = Instant(
-                order, ship_speed, shaft_speed, memory.rack, drive, episode.drive, torque_before,
+                order, before.ship_speed, shaft_speed, memory.rack, drive, episode.drive,
                 episode.mean_torque, episode.mean_brake_torque, attack, episode.mean_attack, outside,
-                shorter_way(before.heading - episode.heading_orders[order_at(episode, time)]),
-                before.cross_track - episode.track_orders[order_at(episode, time)],
+                pitch_before, episode.reference_fuel[which],
+                shorter_way(before.heading - episode.heading_orders[which]),
+                before.cross_track - episode.track_orders[which],
                 laid - laid_before, dt,
             )  # fmt: skip
             add_terms(terms, plant, outputs, now, share, fuel)
             episode.drive = drive
-            truth.advance_velocity = outputs.advance_velocity
-            truth.thrust = outputs.thrust
-            truth.fuel_flow = fuel
-            truth.ventilation = state.ventilation
-            truth.ship_speed = ship_speed
-            truth.shaft_speed = shaft_speed
-            truth.shaft_torque = outputs.shaft_torque
-            truth.brake_torque = outputs.brake_torque
-            truth.position = state.position
-            truth.blade_pitch = outputs.pitch_ratio
-            truth.angle_of_attack = attack
-            truth.outside_bucket = outside
-            truth.heading = before.heading
-            truth.cross_track = before.cross_track
-            truth.rudder_angle = laid_before
+            _fill_truth(env, before, outputs, attack, outside, fuel, laid_before)
             _measure(
                 env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity,
                 log, order,
             )  # fmt: skip
             if plant.turns != 0:
                 _see_course(env, common.noise, before, laid_before, time)
+        _fill_learner_signals(env, interval_s, False)
         env.ended = _why_ended(plant, state.shaft_speed)
-        env.reward = reward_of(
-            running_cost(common.weights, terms), env.ended != RUNNING, common.worst_cost,
-            common.intervals, episode.elapsed,
-        )  # fmt: skip
+        env.reward = reward_of(common.goals, terms) if env.ended == RUNNING else 0.0
         episode.elapsed += 1
+        if diverged < 0 and not math.isfinite(state_sum(state)):
+            diverged = i
+    return diverged
 
 
 @compiled

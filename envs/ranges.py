@@ -1,4 +1,4 @@
-"""The range in which a ship has each signal that is observed, for observations without units."""
+"""Range of each observed signal on a ship, by which observations are normalised."""
 
 from __future__ import annotations
 
@@ -10,21 +10,29 @@ from numpy.typing import NDArray
 
 from ..plant import Ship
 
+_SPEED_ERROR_M_S = 2.0
+_SWING = 0.2  # torque deviation as share of the highest torque
+_ATTACK_DEG, _ATTACK_SWING_DEG = 10.0, 4.0
+_TORQUE_N_M = 1e5  # highest torque of an engine whose ship file gives none
+
 
 def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[np.float32]:
-    """Middle and half width of the range in which a ship has each signal, shape (2, len(observed)).
+    """Return the middle and half width of the range of each signal, shape (2, len(observed)).
 
     Args:
-        ship: that is sailed.
-        top: her highest speed in calm water [m/s].
+        ship: with a diesel.
+        top: highest ship speed in calm water [m/s].
         observed: signals, in their units.
     """
     plant = ship.record()
+    torque = float(plant["torque_limit"])
+    if not math.isfinite(torque):
+        torque = _TORQUE_N_M
     turns = float(plant["engine_speed_max"] / plant["gear_ratio"])
     ends = {
         "speed_order": (0.0, top), "measured_ship_speed": (0.0, top),
         "estimated_advance_velocity": (0.0, top), "shaft_speed": (0.0, turns),
-        "measured_shaft_torque": (0.0, float(plant["torque_limit"] * plant["gear_ratio"])),
+        "measured_shaft_torque": (0.0, torque * float(plant["gear_ratio"])),
         "measured_pitch_ratio": (float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])),
         "fuel_rack": (float(plant["drive_min"]), float(plant["drive_max"])),
         "estimate_valid": (0.0, 1.0),
@@ -36,5 +44,17 @@ def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[
         "yaw_rate": (-top / length, top / length), "rudder_angle": (-stop, stop),
         "cross_track_order": (-length, length), "cross_track": (-length, length),
     }  # fmt: skip
+    swing, engine_swing = _SWING * torque * float(plant["gear_ratio"]), _SWING * torque
+    ends |= {
+        "speed_error": (-_SPEED_ERROR_M_S, _SPEED_ERROR_M_S),
+        "shaft_torque_deviation": (-swing, swing),
+        "engine_torque_deviation": (-engine_swing, engine_swing),
+        "estimated_angle_of_attack": (0.0, _ATTACK_DEG),
+        "angle_of_attack_deviation": (-_ATTACK_SWING_DEG, _ATTACK_SWING_DEG),
+        "shaft_speed_command": (float(plant["engine_speed_min"] / plant["gear_ratio"]), turns),
+    }  # fmt: skip
+    ends["pitch_command"] = ends["base_pitch_ratio"] = ends["measured_pitch_ratio"]
+    ends["fuel_rack_command"] = ends["base_fuel_rack"] = ends["fuel_rack"]
+    ends["base_rudder_angle"] = ends["rudder_angle"]
     low, high = np.array([ends[name] for name in observed], dtype=np.float32).T
     return np.array([0.5 * (low + high), 0.5 * (high - low)])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..baselines.steering import OBSERVED_STEERED
+from ..baselines.controller import OBSERVED
+from ..baselines.helmsman import STEERED
 from ..observers.records import ESTIMATE, OBSERVER
 from ..plant.memory import MEMORY
 from ..plant.record import PLANT
 from ..plant.state import STATE
 from ..plant.waves import SEA
-from .rewards import REWARD_TERMS
+from .rewards import GOALS, REWARD_TERMS
 
 MAX_ORDERS = 64
 
@@ -27,13 +28,19 @@ EPISODE = np.dtype(
         ("resistance_swing", np.float64),
         ("resistance_frequency", np.float64),  # [rad/s]
         ("resistance_phase", np.float64),
+        ("reference_fuel", np.float64, (MAX_ORDERS,)),  # of the steady state at each order [kg/s]
         ("pitch_command", np.float64),
         ("rudder_command", np.float64),  # [rad]
-        ("drive", np.float64),
+        ("drive", np.float64),  # command of the fuel rack in force [mm]
+        ("rack_command", np.float64),  # fuel rack command of the agent, before any limiter [mm]
+        ("shaft_speed_command", np.float64),  # set-point of the governor [rad/s]
         ("gauge_torque", np.float64),  # last sample [N m]
         ("mean_torque", np.float64),  # over the last MEAN_S [N m]
         ("mean_brake_torque", np.float64),  # likewise of one engine [N m]
         ("mean_attack", np.float64),  # likewise of the blades' angle of attack [deg]
+        ("measured_mean_torque", np.float64),  # measured shaft torque over the last MEAN_S [N m]
+        ("estimated_mean_brake_torque", np.float64),  # likewise, from rack and shaft speed [N m]
+        ("estimated_mean_attack", np.float64),  # likewise, from the observer's estimate [deg]
         ("measured_shaft_speed", np.float64),  # last reading, for the governor [rad/s]
         ("integral", np.float64),  # of the governor [mm]
     ],
@@ -48,10 +55,25 @@ NOISE = np.dtype(
 )  # fmt: skip
 """Rms noise of each instrument per sample [rad/s, N m, -, rad/s2, m/s, rad, rad/s, rad, m]."""
 
-OBSERVATION = np.dtype([(name, np.float32) for name in OBSERVED_STEERED])
-"""An observation by name; seen as a plain row it is what an agent gets, of a ship that is not steered as
-far as :data:`OBSERVED` goes.
-"""
+LEARNER_SIGNALS = (
+    "speed_error",
+    "pitch_command",
+    "shaft_torque_deviation",
+    "engine_torque_deviation",
+    "estimated_angle_of_attack",
+    "angle_of_attack_deviation",
+)
+"""Signals that an observation has beside those of the controllers: on them the rewards depend."""
+
+SHAFT_SPEED_COMMAND, RACK_COMMAND = "shaft_speed_command", "fuel_rack_command"
+BASE_COMMANDS = ("base_pitch_ratio", "base_fuel_rack", "base_rudder_angle")
+
+_EVERY_SIGNAL = (
+    *OBSERVED, *STEERED, *LEARNER_SIGNALS, SHAFT_SPEED_COMMAND, RACK_COMMAND, *BASE_COMMANDS,
+)  # fmt: skip
+
+OBSERVATION = np.dtype([(name, np.float32) for name in _EVERY_SIGNAL])
+"""Every signal that an observation may hold, by name, in physical units."""
 
 TRUTH = np.dtype(
     [
@@ -99,10 +121,14 @@ ENVIRONMENT = np.dtype(
 COMMON = np.dtype(
     [
         ("noise", NOISE),
-        ("weights", REWARD_TERMS),
-        ("worst_cost", np.float64),  # bound of an interval's cost
-        ("intervals", np.int64),  # of a whole episode
+        ("goals", GOALS),
+        ("increments", np.int64),  # 1 where actions are rates of change of the commands
+        ("second", np.int64),  # DIRECT_RACK, LIMITED_RACK or SHAFT_SPEED
+        ("limiter_slope", np.float64),  # of the limited rack over shaft speed [mm s/rad]
     ],
     align=True,
 )
-"""What the environments of a batch share: instruments' noise, and what the reward is made of."""
+"""Parameters that the environments of a batch share."""
+
+DIRECT_RACK, LIMITED_RACK, SHAFT_SPEED = 0, 1, 2
+"""What the second action commands."""

@@ -1,6 +1,21 @@
-"""The terms of the reward: each declared once, with its unit and meaning, and worked out below.
+"""The reward of a control interval: goals with tolerances in physical units, combined to [0, 1].
 
-A new term is a field of :class:`Weights` and its line in :func:`add_terms`; tasks may then weigh it, and
+Each term of :class:`Goals` is a physical quantity of the interval, such as a speed error in m/s. A task
+gives some of the terms a tolerance ``within`` and a ``margin``. The value of a goal is 1 up to the
+tolerance and falls beyond it, to 0.1 one margin further (the long tail of the dm_control suite, Tassa et
+al. 2018, section 3.2):
+
+    g(x) = 1 / (1 + 9 z^2),   z = max(x - within, 0) / margin
+
+Goals without a weight are factors: none of them can be bought with another. Goals with a weight share
+what is left. The reward is
+
+    r = product of the factors g_i * (1 - sum of w_j (1 - g_j))
+
+An interval in which the engine stalls or trips has the reward 0, and the episode ends there, so it loses
+all rewards that would have followed.
+
+A new term is a field of :class:`Goals` and its line in :func:`add_terms`. Tasks may then use it, and
 ``info``, evaluation and documentation know it.
 """
 
@@ -11,7 +26,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ..core.compiled import Record, compiled, spelled_out
 from ..core.models import FileModel
@@ -21,75 +36,125 @@ from ..plant.fuel import fuel_rate
 from ..plant.state import Outputs
 
 
-class Weights(FileModel):
-    """Weight of each reward term, per its physical unit and control interval."""
+class Goal(FileModel):
+    """Tolerance of one reward term, in the term's unit."""
 
-    speed_error_m_s: float = Field(ge=0, description="|ship speed - order|")
-    fuel_kg_s: float = Field(ge=0, description="fuel flow of all engines")
-    overload: float = Field(
-        ge=0, description="engine torque asked for beyond the envelope, as share"
+    within: float = Field(description="value up to which the goal is fully reached")
+    margin: float = Field(gt=0, description="distance beyond it at which the value is 0.1")
+    weight: float | None = Field(
+        None, gt=0, le=1, description="share in the weighted part; a factor of its own without one"
     )
-    torque_rate_kN_m_s: float = Field(ge=0, description="mean |d M_m / dt| at the gauge")
-    rack_travel_mm: float = Field(ge=0, description="|change of the rack command|")
-    cavitation: float = Field(ge=0, description="thrust loading beyond Burrill's limit, as share")
-    overspeed: float = Field(ge=0, description="engine speed beyond its highest, as share")
-    speed_error_squared_m2_s2: float = Field(
-        0.0, ge=0, description="(ship speed - order)^2, which forgives the small"
+    reason: str = Field("", description="why the tolerance is what it is")
+
+
+class Goals(FileModel):
+    """Goals of a task, by reward term."""
+
+    speed_error_m_s: Goal | None = Field(None, description="|ship speed - ordered speed|")
+    fuel_kg_s: Goal | None = Field(None, description="fuel flow of all engines")
+    fuel_excess: Goal | None = Field(
+        None,
+        description="fuel flow over that of the steady state at the ordered speed, three quarters of "
+        "the pitch range and the mean resistance of the episode, less 1",
     )
-    torque_swing_kN_m: float = Field(
-        0.0,
-        ge=0,
-        description="|M_m - its mean over the last 20 s|: what a standard deviation counts",
+    overload: Goal | None = Field(
+        None, description="engine torque demanded beyond the envelope, as share of the envelope"
     )
-    engine_swing_kN_m: float = Field(
-        0.0,
-        ge=0,
-        description="the same of the engine's torque: |M_b - its mean over the last 20 s|",
+    near_limit: Goal | None = Field(
+        None, description="engine torque in the last 5 % below the envelope, as share of these"
     )
-    attack_swing_deg: float = Field(
-        0.0, ge=0, description="the same of the blades' effective angle of attack"
+    overspeed: Goal | None = Field(
+        None, description="engine speed beyond its highest speed, as share of that speed"
     )
-    outside_bucket_deg: float = Field(
-        0.0, ge=0, description="angle of attack beyond the cavitation bucket"
+    torque_fluctuation: Goal | None = Field(
+        None,
+        description="|shaft torque - its mean over 20 s|, as share of the shaft's highest torque",
     )
-    near_limit: float = Field(
-        0.0,
-        ge=0,
-        description="engine torque in the last 5 % below the envelope, as share of these",
+    engine_fluctuation: Goal | None = Field(
+        None,
+        description="|engine torque - its mean over 20 s|, as share of the engine's highest torque",
     )
-    heading_error_deg: float = Field(0.0, ge=0, description="|heading - order|, by the shorter way")
-    track_error_m: float = Field(0.0, ge=0, description="|cross track - order|")
-    rudder_rate_deg_s: float = Field(0.0, ge=0, description="mean |d delta / dt| of the rudder")
+    attack_fluctuation_deg: Goal | None = Field(
+        None, description="|effective angle of attack of the blades - its mean over 20 s|"
+    )
+    outside_bucket_deg: Goal | None = Field(
+        None, description="angle of attack beyond the cavitation bucket"
+    )
+    cavitation: Goal | None = Field(
+        None, description="thrust loading beyond Burrill's 5 % limit, as share of the limit"
+    )
+    rack_travel_mm: Goal | None = Field(
+        None, description="travel of the fuel rack command, summed over the interval"
+    )
+    pitch_travel: Goal | None = Field(
+        None, description="travel of the blades' P/D, summed over the interval"
+    )
+    heading_error_deg: Goal | None = Field(
+        None, description="|heading - ordered heading|, by the shorter way"
+    )
+    track_error_m: Goal | None = Field(
+        None, description="|cross-track position - ordered cross-track position|"
+    )
+    rudder_rate_deg_s: Goal | None = Field(None, description="mean |rate of the rudder angle|")
+
+    @model_validator(mode="after")
+    def _check_weights(self) -> Goals:
+        """Refuse goals whose reward would be constant or negative."""
+        goals = self.used
+        if not goals:
+            raise ValueError("at least one goal is needed")
+        total = sum(goal.weight or 0.0 for goal in goals.values())
+        if total > 1.0 + 1e-9:
+            raise ValueError(f"the weights of the goals add up to {total:g}; at most 1 is allowed")
+        return self
+
+    @property
+    def used(self) -> dict[str, Goal]:
+        """Goals that the task has, by term."""
+        return {name: goal for name in TERMS if (goal := getattr(self, name)) is not None}
 
 
 NEAR_LIMIT = 0.05
 """Share of the engine's envelope, from above, in which its torque is near the limit."""
 
-TERMS = tuple(Weights.model_fields)
+TERMS = tuple(Goals.model_fields)
 """Names of the reward terms."""
 
 REWARD_TERMS = np.dtype([(name, np.float64) for name in TERMS])
-"""One value a term, in its unit: of an interval, or its weight."""
+"""One value for each term."""
+
+GOALS = np.dtype([("within", REWARD_TERMS), ("margin", REWARD_TERMS), ("weight", REWARD_TERMS)])
+"""Goals as a record: a margin of 0 marks a term without a goal, a weight of 0 a factor."""
+
+
+def goals_record(goals: Goals) -> Any:
+    """Return a GOALS record of a task's goals."""
+    record = np.zeros(1, GOALS)[0]
+    for name, goal in goals.used.items():
+        record["within"][name], record["margin"][name] = goal.within, goal.margin
+        record["weight"][name] = goal.weight or 0.0
+    return record
 
 
 class Instant(NamedTuple):
-    """What the terms are made of at one step of the plant."""
+    """Quantities of one plant step from which the reward terms are computed."""
 
-    order: float  # ship speed [m/s]
+    order: float  # ordered ship speed [m/s]
     ship_speed: float  # [m/s]
     shaft_speed: float  # [rad/s]
     rack: float  # position of the fuel rack [mm]
-    drive: float  # rack command [mm]
-    drive_before: float  # at the last step [mm]
-    torque_before: float  # at the gauge, at the last step [N m]
-    mean_torque: float  # at the gauge over the last 20 s [N m]
-    mean_brake_torque: float  # likewise of one engine [N m]
+    drive: float  # fuel rack command [mm]
+    drive_before: float  # fuel rack command of the last step [mm]
+    mean_torque: float  # shaft torque over the last 20 s [N m]
+    mean_brake_torque: float  # torque of one engine over the last 20 s [N m]
     attack: float  # effective angle of attack of the blades [deg]
-    mean_attack: float  # likewise over the last 20 s [deg]
-    outside_bucket: float  # how far it lies outside the cavitation bucket [deg]
+    mean_attack: float  # angle of attack over the last 20 s [deg]
+    outside_bucket: float  # angle of attack beyond the cavitation bucket [deg]
+    pitch_before: float  # P/D of the last step [-]
+    reference_fuel: float  # fuel flow of the reference steady state, all engines [kg/s]
     heading_error: float  # by the shorter way [rad]
     track_error: float  # [m]
-    rudder_turn: float  # of the rudder over the step [rad]
+    rudder_turn: float  # change of the rudder angle over the step [rad]
     dt: float  # [s]
 
 
@@ -97,13 +162,13 @@ class Instant(NamedTuple):
 def add_terms(
     terms: Record, plant: Record, outputs: Outputs, now: Instant, share: float, fuel: float
 ) -> None:
-    """Add one plant step's part of each term of a control interval.
+    """Add the part of one plant step to each reward term of a control interval.
 
     Args:
         terms: REWARD_TERMS record, changed in place.
         plant: ship record.
         outputs: of the plant at this step.
-        now: what else is known of it.
+        now: further quantities of this step.
         share: of the step in the interval [-].
         fuel: flow of all engines [kg/s], from :func:`shaftline.plant.fuel.fuel_rate`.
     """
@@ -114,29 +179,31 @@ def add_terms(
         plant, outputs.thrust, outputs.advance_velocity, now.shaft_speed, outputs.pitch_ratio,
         outputs.submergence,
     )  # fmt: skip
-    rate = abs(outputs.shaft_torque - now.torque_before) / now.dt
-    error = now.ship_speed - now.order
-    terms.speed_error_m_s += share * abs(error)
+    shaft_torque = abs(outputs.shaft_torque - now.mean_torque)
+    engine_torque = abs(outputs.brake_torque - now.mean_brake_torque)
+    terms.speed_error_m_s += share * abs(now.ship_speed - now.order)
     terms.fuel_kg_s += share * fuel
+    if now.reference_fuel > 0.0:
+        terms.fuel_excess += share * (fuel / now.reference_fuel - 1.0)
     terms.overload += share * max(asked / limit - 1.0, 0.0)
-    terms.torque_rate_kN_m_s += share * rate * 1e-3
-    terms.rack_travel_mm += abs(now.drive - now.drive_before)
-    terms.cavitation += share * max(burrill - 1.0, 0.0)
+    terms.near_limit += share * min(max((asked / limit - 1.0) / NEAR_LIMIT + 1.0, 0.0), 1.0)
     terms.overspeed += share * max(engine_speed / plant.engine_speed_max - 1.0, 0.0)
-    terms.speed_error_squared_m2_s2 += share * error**2
-    terms.torque_swing_kN_m += share * 1e-3 * abs(outputs.shaft_torque - now.mean_torque)
-    terms.engine_swing_kN_m += share * 1e-3 * abs(outputs.brake_torque - now.mean_brake_torque)
-    terms.attack_swing_deg += share * abs(now.attack - now.mean_attack)
+    if plant.torque_limit < math.inf:
+        terms.torque_fluctuation += share * shaft_torque / (plant.torque_limit * plant.gear_ratio)
+        terms.engine_fluctuation += share * engine_torque / plant.torque_limit
+    terms.attack_fluctuation_deg += share * abs(now.attack - now.mean_attack)
     terms.outside_bucket_deg += share * now.outside_bucket
+    terms.cavitation += share * max(burrill - 1.0, 0.0)
+    terms.rack_travel_mm += abs(now.drive - now.drive_before)
+    terms.pitch_travel += abs(outputs.pitch_ratio - now.pitch_before)
     terms.heading_error_deg += share * math.degrees(abs(now.heading_error))
     terms.track_error_m += share * abs(now.track_error)
     terms.rudder_rate_deg_s += share * math.degrees(abs(now.rudder_turn)) / now.dt
-    terms.near_limit += share * min(max((asked / limit - 1.0) / NEAR_LIMIT + 1.0, 0.0), 1.0)
 
 
 @compiled
 def fuel_of_all(plant: Record, shaft_speed: float, brake_torque: float) -> float:
-    """Fuel flow of all engines [kg/s]."""
+    """Return the fuel flow of all engines [kg/s]."""
     rate = fuel_rate(plant, plant.gear_ratio * shaft_speed, brake_torque)
     return float(plant.propellers * rate)
 
@@ -149,40 +216,48 @@ def clear_terms(terms):
     TERMS,
     globals(),
 )
-"""Begin an interval."""
+"""Set all reward terms to zero."""
 
-running_cost: Callable[[Any, Any], float] = spelled_out(
+
+@compiled
+def goal_value(x: float, within: float, margin: float) -> float:
+    """Return the value of a goal in [0, 1] at a term x; a term that is not a number has the value 0."""
+    if x <= within:
+        return 1.0
+    z = (x - within) / margin
+    value = 1.0 / (1.0 + 9.0 * z * z)
+    return value if value > 0.0 else 0.0
+
+
+@compiled
+def _missed(x: float, within: float, margin: float, weight: float) -> float:
+    """Return the weighted shortfall of a goal; 0 where the term has no weighted goal."""
+    if margin > 0.0 and weight > 0.0:
+        return weight * (1.0 - goal_value(x, within, margin))
+    return 0.0
+
+
+@compiled
+def _factor(x: float, within: float, margin: float, weight: float) -> float:
+    """Return the factor of a goal; 1 where the term is not a factor."""
+    if margin > 0.0 and weight == 0.0:
+        return goal_value(x, within, margin)
+    return 1.0
+
+
+reward_of: Callable[[Any, Any], float] = spelled_out(
     """
-def running_cost(weights, terms):
-    cost = 0.0
-    cost += weights.{field} * terms.{field}
-    return cost
+def reward_of(goals, terms):
+    factors = 1.0
+    missed = 0.0
+    factors *= _factor(terms.{field}, goals.within.{field}, goals.margin.{field}, goals.weight.{field})
+    missed += _missed(terms.{field}, goals.within.{field}, goals.margin.{field}, goals.weight.{field})
+    return factors * max(1.0 - missed, 0.0)
 """,
     TERMS,
     globals(),
 )
-"""Return the weighted sum of the terms of a control interval."""
+"""Return the reward in [0, 1] of a control interval in which the engine runs.
 
-
-@compiled
-def reward_of(cost: float, failed: bool, worst_cost: float, intervals: int, elapsed: int) -> float:
-    """Return the reward of a control interval.
-
-    A running interval costs from 0 to ``worst_cost``. The interval in which the ship fails costs
-    ``worst_cost`` for every interval of a whole episode, and once more for each that is not completed.
-    So an episode that fails in interval k of N (from 0) returns at most -(2 N - k) worst_cost, and one
-    that does not fail returns at least -N worst_cost, which is higher by worst_cost or more. Surviving
-    another interval never lowers the return of an episode that fails later.
-
-    Args:
-        cost: of :func:`running_cost`; not a number counts as the worst.
-        failed: whether the engine stalled or tripped in this interval.
-        worst_cost: bound of an interval's cost.
-        intervals: control intervals N of a whole episode.
-        elapsed: intervals k completed before this one.
-    """
-    if failed:
-        return -worst_cost * (2.0 * intervals - elapsed)
-    if not cost < worst_cost:
-        cost = worst_cost
-    return 0.0 - max(cost, 0.0)
+Args: a GOALS record and a REWARD_TERMS record.
+"""

@@ -10,21 +10,37 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from .frigate import FrigateVectorEnv
 from .records import TRUTHS
+from .rewards import TERMS
+from .steering import SteeringVectorEnv
 
 
 class Sb3Frigates(VecEnv):
-    """Frigates for ``PPO``, ``SAC`` and the others of stable-baselines3.
+    """Frigates for ``PPO``, ``SAC`` and the other algorithms of stable-baselines3.
 
-    ``terminal_observation`` and ``TimeLimit.truncated`` stand in the infos of ended episodes, as
-    stable-baselines3 expects them.
+    The infos of every step hold truth and ``reward_terms`` of each environment, those of ended episodes
+    also ``terminal_observation``, ``TimeLimit.truncated`` and, where the engine failed, ``ended``. Wrap
+    it in stable-baselines3's ``VecMonitor`` for the returns of episodes.
 
     Args:
-        num_envs: how many.
+        num_envs: number of environments.
+        steered: whether the rudder is an action.
+        render_mode: None or ``rgb_array``, for :meth:`get_images` and ``render``.
         options: keywords of :class:`shaftline.envs.FrigateVectorEnv`.
     """
 
-    def __init__(self, num_envs: int, **options: Any) -> None:
-        self.vector = FrigateVectorEnv(num_envs, **options)
+    def __init__(
+        self,
+        num_envs: int,
+        *,
+        steered: bool = False,
+        render_mode: str | None = None,
+        **options: Any,
+    ) -> None:
+        kind = SteeringVectorEnv if steered else FrigateVectorEnv
+        self.vector: FrigateVectorEnv | SteeringVectorEnv = kind(
+            num_envs, render_mode=render_mode, **options
+        )
+        self.render_mode = render_mode
         self._seed: int | None = None
         self._action: Any = None
         super().__init__(
@@ -32,31 +48,40 @@ class Sb3Frigates(VecEnv):
         )
 
     def reset(self) -> Any:
-        """Begin everywhere; with the seed given before, if any."""
-        observation, _ = self.vector.reset(seed=self._seed)
+        """Begin an episode in every environment; with the seed given before, if any."""
+        observation, info = self.vector.reset(seed=self._seed)
         self._seed = None
-        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self.reset_infos = _rows(info)
         return observation
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Take a seed for the next reset; sub-environment i gets seed + i."""
+        """Take a seed for the next reset; environment i gets seed + i."""
         self._seed = seed
         return [None if seed is None else seed + i for i in range(self.num_envs)]
 
     def step_async(self, actions: Any) -> None:
-        """Remember the actions."""
+        """Store the actions."""
         self._action = actions
 
     def step_wait(self) -> Any:
         """Hold the actions over one control interval."""
         observation, reward, terminated, truncated, info = self.vector.step(self._action)
         done = terminated | truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for i in np.flatnonzero(done):
-            infos[i]["terminal_observation"] = info["final_obs"][i]
-            infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
-            infos[i].update({name: float(info[name][i]) for name in TRUTHS})
+        infos = _rows(info)
+        if done.any():
+            last = _rows(info["final_info"])
+            for i in np.flatnonzero(done).tolist():
+                self.reset_infos[i] = infos[i]
+                infos[i] = last[i]
+                infos[i]["terminal_observation"] = info["final_obs"][i]
+                infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
+                if terminated[i]:
+                    infos[i]["ended"] = info["final_info"]["ended"][i]
         return observation, reward.astype(np.float32), done, infos
+
+    def get_images(self) -> Sequence[Any]:
+        """Return the dashboard of each environment as an RGB array of shape (height, width, 3)."""
+        return list(self.vector.render() or [None] * self.num_envs)
 
     def close(self) -> None:
         """Let the threads go."""
@@ -82,5 +107,16 @@ class Sb3Frigates(VecEnv):
         ]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """Nothing is wrapped."""
+        """Return False for each environment: none is wrapped."""
         return [False for _ in self._get_indices(indices)]
+
+
+def _rows(info: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the infos of a vector environment as a dictionary for each environment."""
+    terms = info["reward_terms"]
+    truth = zip(*(info[name].tolist() for name in TRUTHS), strict=True)
+    rewarded = zip(*(terms[name].tolist() for name in TERMS), strict=True)
+    rows: list[dict[str, Any]] = [dict(zip(TRUTHS, row, strict=True)) for row in truth]
+    for row, values in zip(rows, rewarded, strict=True):
+        row["reward_terms"] = dict(zip(TERMS, values, strict=True))
+    return rows

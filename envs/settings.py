@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -12,11 +12,20 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from ..core.models import explained
 from ..plant import Sea, Ship, get_sea
 from .records import NOISE
-from .tasks import Task
+from .tasks import Command, Task
 
-ActionMode = Literal["rack", "shaft-speed"]
+SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
 
-ACTION_MODES: tuple[str, ...] = get_args(ActionMode)
+LARGEST_EPISODE = 10_000_000
+"""Control intervals: about two months of a command every half second."""
+
+ACTION_MODES = ("increment", "absolute", "residual")
+"""How an action becomes commands; ``residual:NAME`` names the base controller."""
+
+BASE_CONTROLLER = "speed-pilot"
+"""Base controller of a residual that names none."""
+
+COMMANDS: tuple[str, ...] = get_args(Command)
 """What the second action commands."""
 
 _ALLOWED = {
@@ -24,16 +33,11 @@ _ALLOWED = {
     "tuning": ": must be the name of a tuning, or None",
     "sensor_noise": ": must be 0 or more (1: the usual instruments), or an rms by instrument",
     "control_interval_s": " s: must be a number of seconds above 0 and finite",
-    "episode_s": " s: must be a number of seconds above 0 and finite",
+    "max_episode_steps": ": must be a whole number of control intervals from 1 to 10 000 000, or None",
     "randomise": ": must map keys of the ship's file to half widths",
     "normalised": ": must be True or False",
 }
 """What a keyword may be, in words."""
-
-SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
-
-LARGEST_EPISODE = 10_000_000
-"""Control intervals: about two months of a command every half second."""
 
 SeaRange = tuple[Sea, Sea]
 """Lowest and highest value of every parameter; an episode draws each uniformly between them."""
@@ -52,14 +56,21 @@ class Settings(BaseModel):
         sensor_noise: factor on the usual instruments' (0 for perfect ones), or rms by instrument [its
             unit].
         control_interval_s: time between actions [s], a multiple of the plant's time step.
-        episode_s: length of an episode [s].
+        max_episode_steps: control intervals of an episode; None for episodes without an end.
+            ``gymnasium.make`` limits an episode by its own ``max_episode_steps``.
         randomise: half width of a uniform factor by dotted key of the ship's file, such as
             ``{"hull.resistance_coefficient_N_s2_m2": 0.1}``; each episode draws its own.
         normalised: whether observations are scaled so that the ship's own range of each signal is -1 to
-            1; an agent that knows no units wants it, classic controllers do not. A single range serves
-            all episodes, so nothing has to be learned or kept with a policy.
-        action_mode: ``rack``: the second action is the fuel rack; ``shaft-speed``: it is the set-point
-            of a governor that runs at the plant's time step.
+            1, and clipped to :data:`shaftline.baselines.controller.NORMALISED_BOUND`. One range serves
+            all episodes, so no statistics need to be kept with a policy. Classic controllers need
+            ``False``: physical units.
+        action_mode: ``increment``: the actions are rates of change of pitch and drive command, added to
+            the commands that run; ``absolute``: they are the commands; ``residual`` or
+            ``residual:CONTROLLER``: they are added to the commands of a classic controller.
+        command: what the second action commands. ``shaft-speed``: the set-point of a governor, which
+            acts at every plant step; ``limited-rack``: the fuel rack, inside the limits of idle speed,
+            torque and highest speed; ``fuel-rack``: the fuel rack itself, with nothing that protects
+            the engine. The task's by default; ``limited-rack`` for a residual.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -71,24 +82,25 @@ class Settings(BaseModel):
     sea: Any = None
     sensor_noise: float | Mapping[str, float] = 1.0
     control_interval_s: float = Field(default=0.5, gt=0)
-    episode_s: float = Field(default=300.0, gt=0)
+    max_episode_steps: int | None = Field(default=600, ge=1, le=LARGEST_EPISODE)
     randomise: Mapping[str, float] | None = None
-    normalised: bool = False
-    action_mode: ActionMode = "rack"
+    normalised: bool = True
+    action_mode: str = "increment"
+    command: Command | None = None
 
     @model_validator(mode="after")
-    def _check_length(self) -> Settings:
-        """Refuse an episode of no control interval, or of more than :data:`LARGEST_EPISODE`."""
-        intervals = self.episode_s / self.control_interval_s
-        if intervals > LARGEST_EPISODE + 0.5:
+    def _check_action_mode(self) -> Settings:
+        """Refuse an unknown action mode, and a residual on a governor's set-point."""
+        kind, separator, _ = self.action_mode.partition(":")
+        if kind not in ACTION_MODES or (separator and kind != "residual"):
             raise ValueError(
-                f"episode_s = {self.episode_s!r} s: {intervals:.3g} control intervals; an "
-                f"episode has at most {LARGEST_EPISODE:.0e}"
+                f"unknown action_mode {self.action_mode!r}; known: {', '.join(ACTION_MODES)}, and "
+                "residual:CONTROLLER"
             )
-        if self.intervals < 1:
+        if kind == "residual" and self.command == "shaft-speed":
             raise ValueError(
-                f"episode_s = {self.episode_s!r} s is shorter than a control interval of "
-                f"{self.control_interval_s!r} s"
+                "command = 'shaft-speed': a residual is added to the fuel rack of a classic "
+                "controller; choose limited-rack or fuel-rack"
             )
         return self
 
@@ -106,9 +118,14 @@ class Settings(BaseModel):
             raise ValueError(_explain(error.errors()[0])) from None
 
     @property
-    def intervals(self) -> int:
-        """Control intervals of an episode."""
-        return round(self.episode_s / self.control_interval_s)
+    def base_controller(self) -> str | None:
+        """Name and options of the controller to which a residual is added; None in other modes."""
+        kind, _, name = self.action_mode.partition(":")
+        return (name or BASE_CONTROLLER) if kind == "residual" else None
+
+    def command_in(self, task: Task) -> str:
+        """Return what the second action commands in a task."""
+        return self.command or ("limited-rack" if self.base_controller else task.command)
 
     def steps(self, dt: float) -> int:
         """Plant steps in a control interval, for a time step ``dt`` [s].
@@ -134,7 +151,9 @@ def _explain(error: Any) -> str:
     if kind == "extra_forbidden":
         return f"unknown keyword {name!r}; known: {', '.join(Settings.model_fields)}"
     if name == "action_mode":
-        return f"unknown action_mode {given!r}; known: {', '.join(ACTION_MODES)}"
+        return f"action_mode = {given!r}: must be one of {', '.join(ACTION_MODES)}"
+    if name == "command":
+        return f"unknown command {given!r}; known: {', '.join(COMMANDS)}"
     if name == "randomise" and where:
         return f"randomise[{where[0]!r}] = {given!r}: must be a half width from 0 to below 1"
     return f"{name} = {given!r}{_ALLOWED[name]}"
@@ -144,7 +163,15 @@ DEFAULTS = Settings()
 """Every default of the environments."""
 
 LONGEST_S = LARGEST_EPISODE * DEFAULTS.control_interval_s
-"""Of an episode at the usual interval [s]."""
+"""Longest episode at the default control interval [s]."""
+
+EPISODE_S = 300.0
+"""Length of an episode of the default number of control intervals [s]."""
+
+CLASSIC: dict[str, Any] = {
+    "normalised": False, "action_mode": "absolute", "command": "fuel-rack",
+}  # fmt: skip
+"""Keywords with which an environment suits the classic controllers: units, and commands as actions."""
 
 
 def seas_of(choice: SeaChoice, task: Task) -> list[SeaRange | None]:

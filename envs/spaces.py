@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..baselines.controller import OBSERVED
+from ..baselines.controller import NORMALISED_BOUND, OBSERVED
+from ..core.compiled import compiled
 from ..plant.signals import get_signal
 from .batch import Batch
 
@@ -30,19 +32,30 @@ def observation_space(observed: Sequence[str] = OBSERVED) -> spaces.Box:
 
 
 def action_space(numbers: int = 2) -> spaces.Box:
-    """Pitch command, fuel rack command and rudder command, each in [-1, 1] over the ship's range.
+    """Return the space of an action: pitch, drive and rudder, each in [-1, 1].
 
     Args:
-        numbers: how many of them.
+        numbers: 2, or 3 with the rudder.
     """
     return spaces.Box(-1.0, 1.0, (numbers,), np.float32)
 
 
 def space_of(batch: Batch) -> spaces.Box:
-    """Of one observation as an agent gets it: physical units, or normalised and without bounds."""
+    """Return the space of one observation: normalised, or in physical units."""
     if batch.settings.normalised:
-        return spaces.Box(-np.inf, np.inf, (len(batch.observed),), np.float32)
+        bound = NORMALISED_BOUND
+        return spaces.Box(-bound, bound, (len(batch.observed),), np.float32)
     return observation_space(batch.observed)
+
+
+@compiled
+def _clip(action: NDArray[np.float32], clipped: NDArray[np.float32]) -> bool:
+    """Fill actions clipped to [-1, 1], and return whether all of them are finite."""
+    for i in range(len(action)):
+        if not math.isfinite(action[i]):
+            return False
+        clipped[i] = min(max(action[i], np.float32(-1.0)), np.float32(1.0))
+    return True
 
 
 def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
@@ -55,6 +68,10 @@ def check_action(action: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
     Raises:
         ValueError: no numbers, numbers of another shape, or one that is not finite.
     """
+    if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == shape:
+        ready = np.empty(shape, np.float32)
+        if _clip(action.reshape(-1), ready.reshape(-1)):
+            return ready
     try:
         array = np.array(action)
         if np.iscomplexobj(array):

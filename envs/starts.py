@@ -1,23 +1,24 @@
-"""How the ships of a batch begin their episodes: drawn numbers in, ships in steady state out.
+"""The beginning of episodes: random numbers in, ships in a steady state out.
 
-NumPy's generators draw the numbers ship by ship, since each ship has a stream of its own. All that
-follows from them (sea, steady state under the load, lags) is worked out for every ship in one compiled
-call.
+A NumPy generator of each environment draws all random numbers of its episode in one call. Orders, sea,
+resistance, steady state and lags are computed from them in one compiled call for all environments.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.compiled import compiled
+from ..core.compiled import Record, compiled
 from ..core.numeric import clip, piecewise_linear
 from ..core.random_stream import fill_uniform
 from ..plant import Sea, Ship, equilibrium
+from ..plant.drives.diesel import rack_torque, torque_limit
 from ..plant.dynamics import settled
 from ..plant.hull import resistance, water_speed, wave_resistance
 from ..plant.state import Inputs, get_state, set_state
@@ -25,13 +26,15 @@ from ..plant.stepping import Disturbance, prepare
 from ..plant.term_kernel import NO_SIGNALS
 from ..plant.waves import COMPONENTS, fill_sea
 from .options import Begin
-from .records import MAX_ORDERS
+from .records import ENVIRONMENT, MAX_ORDERS
+from .rewards import fuel_of_all
 from .settings import SeaRange
+from .tasks import Task
 
 LOADS = (0.6, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 """Resistance over that of calm water at which steady states are worked out."""
 
-_COLUMNS = ("ship_speed", "shaft_speed", "pitch_ratio", "drive", "pitch_command")
+_COLUMNS = ("ship_speed", "shaft_speed", "pitch_ratio", "drive", "pitch_command", "fuel")
 
 
 @functools.lru_cache(maxsize=16 * len(LOADS))
@@ -43,8 +46,8 @@ def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
         load: resistance over that of calm water [-].
 
     Returns:
-        Structured array with ship speed, shaft speed and pitch (units of STATE), fuel rack and pitch
-        command.
+        Structured array with ship speed, shaft speed and pitch (units of STATE), fuel rack, pitch
+        command, and fuel flow of all engines [kg/s].
 
     Raises:
         ValueError: the engine's speed range holds fewer than two steady states.
@@ -61,7 +64,9 @@ def steady_states(ship: Ship, load: float = 1.0) -> NDArray[Any]:
             continue  # too little fuel to turn the shaft
         engine_speed = found.shaft_speed * plant["gear_ratio"]
         if plant["engine_speed_min"] <= engine_speed <= plant["engine_speed_max"]:
-            rows.append((found.ship_speed, found.shaft_speed, found.pitch_ratio, rack, pitch))
+            torque = min(rack_torque(plant, engine_speed, rack), torque_limit(plant, engine_speed))
+            fuel = fuel_of_all(plant, found.shaft_speed, torque)
+            rows.append((found.ship_speed, found.shaft_speed, found.pitch_ratio, rack, pitch, fuel))
     if len(rows) < 2:
         raise ValueError(f"{ship.name}: no steady states inside the engine's speed range")
     return np.array(sorted(rows), dtype=[(name, np.float64) for name in _COLUMNS])
@@ -75,7 +80,7 @@ class SteadyTables(NamedTuple):
     ends: NDArray[np.int64]
     """First column of each load's states and, last, their number; shape (k + 1,)."""
     columns: NDArray[np.float64]
-    """Fields of :func:`steady_states`, all loads one behind the other, shape (5, m)."""
+    """Fields of :func:`steady_states`, all loads one behind the other, shape (6, m)."""
     slowest: float
     """Lowest ship speed in calm water [m/s]."""
     fastest: float
@@ -101,71 +106,94 @@ def steady_tables(ship: Ship) -> SteadyTables:
 
 _PARAMETERS = len(Sea.model_fields)
 
-DRAW = np.dtype(
+EPISODE_RANGES = np.dtype(
     [
-        ("sea", np.float64, (_PARAMETERS,)),  # hs_m, tp_s, gamma, heading_deg; zeros are calm water
-        ("wave_seed", np.int64),  # of the sea's realisation
-        ("random", np.uint64),  # seed of the instruments' noise
+        ("order_low", np.float64, (MAX_ORDERS,)),  # ordered ship speeds [m/s]
+        ("order_high", np.float64, (MAX_ORDERS,)),
+        ("order_interval", np.float64),  # [s]
+        ("begins_at_order", np.int64),  # 1 where the ship begins at its first order
+        ("initial_speed", np.float64, (2,)),  # lowest and highest [m/s]
+        ("resistance_rise", np.float64, (2,)),  # [-]
+        ("resistance_swing", np.float64),  # [-]
+        ("heading_low", np.float64, (MAX_ORDERS,)),  # ordered headings [rad]
+        ("heading_high", np.float64, (MAX_ORDERS,)),
+        ("track_low", np.float64, (MAX_ORDERS,)),  # ordered cross tracks [m]
+        ("track_high", np.float64, (MAX_ORDERS,)),
+        ("cross_current", np.float64, (2,)),  # [m/s]
+        ("drift_force", np.float64, (2,)),  # [N]
+    ],
+    align=True,
+)
+"""Ranges from which an episode draws; both ends are equal where a value is given."""
+
+_SEA_CHOICE, _WAVE_SEED, _NOISE_SEED, _SEA, _RISE, _FREQUENCY, _PHASE, _INITIAL, _ORDERS = (
+    0, 1, 2, 3, 7, 8, 9, 10, 11,
+)  # fmt: skip
+_HEADINGS = _ORDERS + MAX_ORDERS
+_TRACKS = _HEADINGS + MAX_ORDERS
+_CURRENT, _DRIFT = _TRACKS + MAX_ORDERS, _TRACKS + MAX_ORDERS + 1
+
+DRAWS, DRAWS_STEERED = _HEADINGS, _DRIFT + 1
+"""Random numbers of an episode. Their order decides which episode belongs to a seed."""
+
+_FIELDS: Any = ENVIRONMENT.fields
+_CLEARED = np.array(
+    [
+        (_FIELDS[name][1], _FIELDS[name][1] + _FIELDS[name][0].itemsize)
+        for name in ("state", "sea", "estimate", "episode", "ended")
     ]
 )
-"""What is drawn for an episode besides its :data:`uniform` numbers."""
+"""First and last byte of what a new episode begins with as zeros."""
 
 
-def draw_episodes(
-    rngs: Sequence[np.random.Generator], seas: Sequence[SeaRange | None], begin: Begin,
-    varied: int, steered: bool,
-) -> tuple[NDArray[Any], NDArray[np.float64]]:  # fmt: skip
-    """Draw the random numbers of one episode a generator.
+def sea_ends(seas: Sequence[SeaRange | None]) -> NDArray[np.float64]:
+    """Return lowest and highest Hs, Tp, gamma and heading of seas, shape (m, 2, 4); calm is zeros."""
+    ends = [
+        [[0.0] * _PARAMETERS] * 2
+        if sea is None
+        else [list(end.model_dump().values()) for end in sea]
+        for sea in seas
+    ]
+    return np.array(ends)
 
-    The order of the draws decides which episode a seed is, so published results depend on it: factors of
-    the ship's keys, choice and seed of the sea, the sea's parameters, the noise's seed, and then orders,
-    resistance and, steered, headings, tracks, current and side force.
+
+def ranges_of(begin: Begin, task: Task) -> Any:
+    """Return EPISODE_RANGES of shape (1,): the ranges of a task, with the options of a reset.
 
     Args:
-        rngs: one a ship.
-        seas: that the environment may draw.
         begin: options of the reset.
-        varied: how many keys of the ship are randomised.
-        steered: whether the rudder is an action.
-
-    Returns:
-        DRAW records, shape (n,); and numbers uniform in [0, 1), shape (n, varied + 67) or, steered,
-        (n, varied + 197).
+        task: the task.
     """
-    draws = np.zeros(len(rngs), DRAW)
-    count = MAX_ORDERS + 3 + (2 * MAX_ORDERS + 2) * steered
-    uniform = np.empty((len(rngs), varied + count))
-    known = [*seas, *(begin.seas or ())]
-    choice = np.zeros(len(rngs), np.int64)
-    wave_seeds, noise = draws["wave_seed"], draws["random"]
-    places = np.zeros((len(rngs), _PARAMETERS))  # of a sea's parameters within their ranges
-    for i, rng in enumerate(rngs):
-        if varied:
-            rng.random(out=uniform[i, :varied])
-        which = int(rng.integers(len(seas))) if len(seas) > 1 else 0
-        wave_seeds[i] = rng.integers(2**31)
-        if known[which] is not None:
-            rng.random(out=places[i])
-        if (
-            begin.seas is not None
-        ):  # from a stream of its own: all else stays as it would be without
-            (own,) = rng.spawn(1)
-            which = len(seas) + int(own.integers(len(begin.seas)))
-            if known[which] is not None:
-                own.random(out=places[i])
-        choice[i] = which
-        noise[i] = rng.integers(2**63, dtype=np.uint64)
-        rng.random(out=uniform[i, varied:])
-    low, high = np.array([_ends_of(sea) for sea in known])[choice].swapaxes(0, 1)
-    draws["sea"] = low + (high - low) * places
-    return draws, uniform
+    ranges = np.zeros(1, EPISODE_RANGES)
+    row = ranges[0]
+    headings = np.radians(task.heading_order_deg)
+    row["order_low"], row["order_high"] = task.speed_order_m_s
+    row["heading_low"], row["heading_high"] = headings
+    row["track_low"], row["track_high"] = task.track_order_m
+    row["initial_speed"] = task.speed_order_m_s
+    row["resistance_rise"], row["resistance_swing"] = task.resistance_rise, task.resistance_swing
+    row["cross_current"] = task.cross_current_m_s
+    row["drift_force"] = 1e3 * np.array(task.drift_force_kN)
+    row["order_interval"] = begin.order_interval_s
+    for name, given in (
+        ("order", begin.orders), ("heading", begin.heading_orders), ("track", begin.track_orders),
+    ):  # fmt: skip
+        if given is not None:
+            row[f"{name}_low"] = row[f"{name}_high"] = given
+    row["begins_at_order"] = begin.orders is not None and begin.initial_speed_m_s is None
+    for name, value in (
+        ("initial_speed", begin.initial_speed_m_s), ("resistance_rise", begin.resistance_rise),
+        ("cross_current", begin.cross_current_m_s), ("drift_force", begin.drift_force_N),
+    ):  # fmt: skip
+        if value is not None:
+            row[name] = value
+    return ranges
 
 
-def _ends_of(sea: SeaRange | None) -> list[list[float]]:
-    """Return lowest and highest Hs, Tp, gamma and heading of a range; calm water is zeros."""
-    if sea is None:
-        return [[0.0] * _PARAMETERS] * 2
-    return [list(end.model_dump().values()) for end in sea]
+@compiled
+def _between(low: float, high: float, share: float) -> float:
+    """Return the value at a share of a range."""
+    return low + (high - low) * share
 
 
 @compiled
@@ -185,44 +213,119 @@ def _steady_value(tables: SteadyTables, row: int, lower: int, load: float, speed
 
 
 @compiled
-def start_episodes(
-    environments: Any, which: NDArray[np.int64], draws: Any, speeds: NDArray[np.float64],
-    tables: SteadyTables, depth: float, dt: float,
-) -> None:  # fmt: skip
-    """Put ships where they would be after a long voyage at one speed; all changes in place.
-
-    The steady state is that under the mean resistance; slow swing and single waves have moved nothing.
-    Plant, episode and a calm sea must stand in the environments already.
+def _load(
+    plant: Record, sea: Record, tables: SteadyTables, speed: float, factor: float
+) -> tuple[float, int]:
+    """Return the resistance over that of calm water [-] at a ship speed, and the table below it.
 
     Args:
-        environments: ENVIRONMENT array of shape (n,).
+        plant: ship record.
+        sea: of the episode, whose added resistance counts.
+        tables: of :func:`steady_tables`.
+        speed: ship speed [m/s].
+        factor: mean resistance of the episode over that of calm water, without waves [-].
+    """
+    ahead = water_speed(plant, max(speed, tables.slowest))
+    load = factor + wave_resistance(plant, sea.head_sea, ahead) / resistance(plant, ahead, 1.0)
+    lower = 0
+    while lower < len(tables.loads) - 2 and load > tables.loads[lower + 1]:
+        lower += 1
+    return load, lower
+
+
+@compiled
+def _draw(env: Record, sea: NDArray[np.float64], ranges: Record, u: NDArray[np.float64]) -> None:
+    """Set the episode of an environment from random numbers.
+
+    Args:
+        env: ENVIRONMENT record, whose episode is zeros.
+        sea: filled with Hs, Tp, gamma and heading, shape (4,): on entry their lowest values, with the
+            highest behind them, shape (8,).
+        ranges: EPISODE_RANGES record.
+        u: uniform in [0, 1), shape (:data:`DRAWS`,) or (:data:`DRAWS_STEERED`,).
+    """
+    episode = env.episode
+    for j in range(_PARAMETERS):
+        sea[j] = _between(sea[j], sea[_PARAMETERS + j], u[_SEA + j])
+    episode.random = np.uint64(u[_NOISE_SEED] * 9007199254740992.0)
+    episode.order_interval = ranges.order_interval
+    episode.resistance_mean = 1.0 + _between(
+        ranges.resistance_rise[0], ranges.resistance_rise[1], u[_RISE]
+    )
+    episode.resistance_swing = ranges.resistance_swing
+    episode.resistance_frequency = 2.0 * math.pi / _between(60.0, 180.0, u[_FREQUENCY])
+    episode.resistance_phase = 2.0 * math.pi * u[_PHASE]
+    steered = len(u) > DRAWS
+    for j in range(MAX_ORDERS):
+        episode.orders[j] = _between(ranges.order_low[j], ranges.order_high[j], u[_ORDERS + j])
+        if steered:
+            episode.heading_orders[j] = _between(
+                ranges.heading_low[j], ranges.heading_high[j], u[_HEADINGS + j]
+            )
+            episode.track_orders[j] = _between(
+                ranges.track_low[j], ranges.track_high[j], u[_TRACKS + j]
+            )
+    if steered:
+        env.plant.cross_current = _between(
+            ranges.cross_current[0], ranges.cross_current[1], u[_CURRENT]
+        )
+        episode.drift_force = _between(ranges.drift_force[0], ranges.drift_force[1], u[_DRIFT])
+
+
+@compiled
+def start_episodes(
+    environments: Any, raw: NDArray[np.uint8], which: NDArray[np.int64],
+    uniform: NDArray[np.float64], ranges: Any, seas: NDArray[np.float64], tables: SteadyTables,
+    depth: float, dt: float,
+) -> None:  # fmt: skip
+    """Begin episodes of ships in a steady state at their initial speeds; all changes in place.
+
+    The steady state is that under the mean resistance; slow swing and single waves have moved nothing.
+
+    Args:
+        environments: ENVIRONMENT array of shape (n,), with the plants of the new episodes.
+        raw: its bytes, shape (n, itemsize).
         which: environments that begin an episode, shape (k,).
-        draws: DRAW records, shape (k,).
-        speeds: ship speed of each [m/s], shape (k,), held within the steady states.
+        uniform: random numbers in [0, 1), shape (k, :data:`DRAWS`) or (k, :data:`DRAWS_STEERED`).
+        ranges: from :func:`ranges_of`.
+        seas: from :func:`sea_ends`, of which each episode draws one.
         tables: of :func:`steady_tables`.
         depth: of the propeller's centre [m], at which the waves act.
         dt: plant step [s].
     """
     shares = np.empty(2 * COMPONENTS)
+    drawn = np.empty(2 * _PARAMETERS)
     for k in range(len(which)):
-        env, draw = environments[which[k]], draws[k]
+        u = uniform[k]
+        for j in range(len(_CLEARED)):
+            raw[which[k], _CLEARED[j, 0] : _CLEARED[j, 1]] = 0
+        env = environments[which[k]]
         plant, state, episode, sea = env.plant, env.state, env.episode, env.sea
-        if draw.sea[0] > 0.0:
-            fill_uniform(draw.wave_seed, shares)
-            fill_sea(sea, draw.sea[0], draw.sea[1], draw.sea[2], draw.sea[3], depth, shares)
-        speed, factor = speeds[k], episode.resistance_mean
-        ahead = water_speed(plant, max(speed, tables.slowest))
-        added = wave_resistance(plant, sea.head_sea, ahead)
-        load = factor + added / resistance(plant, ahead, 1.0)
-        lower = 0
-        while lower < len(tables.loads) - 2 and load > tables.loads[lower + 1]:
-            lower += 1
+        chosen = min(int(u[_SEA_CHOICE] * len(seas)), len(seas) - 1)
+        drawn[:_PARAMETERS], drawn[_PARAMETERS:] = seas[chosen, 0], seas[chosen, 1]
+        _draw(env, drawn, ranges[0], u)
+        if drawn[0] > 0.0:
+            fill_uniform(int(u[_WAVE_SEED] * 2147483648.0), shares)
+            fill_sea(sea, drawn[0], drawn[1], drawn[2], drawn[3], depth, shares)
+        speed = _between(ranges[0].initial_speed[0], ranges[0].initial_speed[1], u[_INITIAL])
+        if ranges[0].begins_at_order != 0:
+            speed = episode.orders[0]
+        factor = episode.resistance_mean
+        load, lower = _load(plant, sea, tables, speed, factor)
+        for j in range(MAX_ORDERS):
+            order = episode.orders[j]
+            if j > 0 and order == episode.orders[j - 1]:
+                episode.reference_fuel[j] = episode.reference_fuel[j - 1]
+                continue
+            there, below = _load(plant, sea, tables, order, factor)
+            episode.reference_fuel[j] = _steady_value(tables, 5, below, there, order)
         state.ship_speed = clip(speed, tables.slowest, tables.fastest)
         state.shaft_speed = _steady_value(tables, 1, lower, load, speed)
         state.pitch_ratio = _steady_value(tables, 2, lower, load, speed)
         rack = _steady_value(tables, 3, lower, load, speed)
         episode.pitch_command = _steady_value(tables, 4, lower, load, speed)
         episode.drive = episode.integral = rack  # the governor takes over without a bump
+        episode.rack_command, episode.shaft_speed_command = rack, state.shaft_speed
         if plant.turns != 0:  # carried by the water
             state.sway_speed = plant.cross_current
         inputs = Inputs(

@@ -1,17 +1,18 @@
-"""Tasks as data: orders, seas, disturbances and the reward's weights (``envs/tasks.toml``)."""
+"""Tasks as data: orders, seas, disturbances and goals (``envs/tasks.toml``)."""
 
 from __future__ import annotations
 
 import functools
 import tomllib
+from collections.abc import Mapping
 from importlib import resources
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from ..core.models import FileModel, explained
 from ..plant import Ship, load_ship
-from .rewards import Weights
+from .rewards import Goals
 
 
 def _rising(ends: tuple[float, float]) -> tuple[float, float]:
@@ -19,6 +20,10 @@ def _rising(ends: tuple[float, float]) -> tuple[float, float]:
         raise ValueError("the lowest value must stand first")
     return ends
 
+
+Command = Literal["shaft-speed", "limited-rack", "fuel-rack"]
+"""What the second action commands: the set-point of a governor, a fuel rack inside the limits of idle
+speed, torque and highest speed, or the fuel rack itself."""
 
 _Number = Annotated[float, Field(strict=True)]
 Range = Annotated[tuple[_Number, _Number], AfterValidator(_rising)]
@@ -90,14 +95,26 @@ class Task(FileModel):
     track_order_m: Range = Field((0.0, 0.0), description="range of the ordered cross tracks")
     cross_current_m_s: Range = Field((0.0, 0.0), description="range of the current across")
     drift_force_kN: Range = Field((0.0, 0.0), description="range of the slow side force's mean")
-    weights: Weights
-    worst_cost: float = Field(
-        gt=0,
-        le=1e9,
-        description="bound of a control interval's cost, which a failed episode exceeds on average",
+    command: Command = Field(
+        "shaft-speed", description="what the second action commands, where a user does not choose"
     )
+    goals: Goals
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
     held_out: HeldOut | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_tolerances(cls, values: Any) -> Any:
+        """Complete goals that give no tolerance of their own by the shared one of their term."""
+        goals = values.get("goals") if isinstance(values, Mapping) else None
+        if not isinstance(goals, Mapping):
+            return values
+        shared = _contents()["tolerances"]
+        completed = {
+            term: shared.get(term, {}) | dict(goal) if isinstance(goal, Mapping) else goal
+            for term, goal in goals.items()
+        }
+        return dict(values) | {"goals": completed}
 
     @model_validator(mode="after")
     def _sound(self) -> Task:
@@ -130,9 +147,18 @@ class TaskError(ValueError):
 
 
 @functools.cache
-def _all() -> dict[str, Task]:
+def _contents() -> dict[str, Any]:
     text = resources.files("shaftline.envs").joinpath("tasks.toml").read_text(encoding="utf-8")
-    return {name: Task.model_validate(values) for name, values in tomllib.loads(text).items()}
+    return tomllib.loads(text)
+
+
+@functools.cache
+def _all() -> dict[str, Task]:
+    return {
+        name: Task.model_validate(values)
+        for name, values in _contents().items()
+        if name != "tolerances"
+    }
 
 
 def tasks(steered: bool = False) -> dict[str, Task]:

@@ -75,7 +75,7 @@ def train(s: Settings) -> tuple[Agent, list[float]]:
     # NextStep: the step after an end begins the next episode; it is no experience and is masked out
     env = gymnasium.make_vec(
         "shaftline/Frigate-v0", num_envs=s.environments, vectorization_mode="vector_entry_point",
-        task=s.task, action_mode="shaft-speed", normalised=True, autoreset_mode="NextStep",
+        task=s.task, autoreset_mode="NextStep",
     )  # fmt: skip
     width = gymnasium.spaces.flatdim(env.single_observation_space)
     answers = gymnasium.spaces.flatdim(env.single_action_space)
@@ -150,7 +150,7 @@ def judged(agent: Agent, s: Settings, episodes: int = 20) -> float:
     """Mean return of the policy's mean actions on seeds that training did not use."""
     env = gymnasium.make_vec(
         "shaftline/Frigate-v0", num_envs=episodes, vectorization_mode="vector_entry_point",
-        task=s.task, action_mode="shaft-speed", normalised=True, autoreset_mode="NextStep",
+        task=s.task, autoreset_mode="NextStep",
     )  # fmt: skip
     now, _ = env.reset(seed=900_000)
     total, open_ = np.zeros(episodes), np.ones(episodes, dtype=bool)

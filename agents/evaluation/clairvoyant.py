@@ -31,7 +31,7 @@ from ...baselines.controller import Predictor
 from ...envs.batch import Batch
 from ...envs.kernel import RUNNING, control_interval
 from ...envs.records import EPISODE, MAX_ORDERS
-from ...envs.settings import Settings
+from ...envs.settings import CLASSIC, Settings
 from ...plant.memory import MEMORY
 from ...plant.state import STATE, active_states
 from ...plant.waves import SEA
@@ -77,9 +77,12 @@ class Clairvoyant:
 
     def __init__(self, settings: Settings, seed: int) -> None:
         quiet = settings.model_copy(
-            update={"sensor_noise": 0.0, "observer": "none", "tuning": None}
+            update={"sensor_noise": 0.0, "observer": "none", "tuning": None} | CLASSIC
         )
+        if quiet.max_episode_steps is None:
+            raise ValueError("max_episode_steps = None: a plan needs an episode with an end")
         self._one = one = Batch(1, quiet)
+        self._length = quiet.max_episode_steps
         if not one.ship.has_variable_pitch:
             raise ValueError(f"{one.ship.name}: a plan needs a controllable pitch")
         one.reset(np.array([0]), [np_random(seed)[0]], one.begin(None))
@@ -106,7 +109,7 @@ class Clairvoyant:
     @property
     def intervals(self) -> int:
         """Control intervals of the episode."""
-        return self._one.settings.intervals
+        return self._length
 
     def sail(
         self, commands: NDArray[np.float64], begin: Any = None
@@ -177,7 +180,7 @@ class Clairvoyant:
             given[2 * (count + j) + 1 :: width, j] -= scale
         pitch = rows["state"]["pitch_ratio"] + self._lag * given[:, 0]
         control_interval(
-            rows, beside.common, beside.gains, actions(self._plant, pitch, given[:, 1]),
+            rows, beside.commons, beside.gains, actions(self._plant, pitch, given[:, 1]),
             beside.steps, beside.dt, 0, len(rows),
         )  # fmt: skip
         scales = 2.0 * np.array([scale for _, scale in self._carried] + list(_MOVED))
@@ -204,7 +207,7 @@ class Clairvoyant:
         commands = np.zeros((intervals or self.intervals, 2))
         state: Any = None
         for k in range(len(commands)):
-            action, state = controller.predict(one.observation.copy(), state, np.array([k == 0]))
+            action, state = controller.predict(one.observation(), state, np.array([k == 0]))
             now = one.environments[0]
             pitch = decode(
                 action[0, 0], self._plant["pitch_ratio_min"], self._plant["pitch_ratio_max"]

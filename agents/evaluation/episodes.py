@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ...baselines.controller import Predictor, readings
 from ...core.sweep import digest_of
-from ...envs import DEFAULTS, FrigateVectorEnv
+from ...envs import CLASSIC, DEFAULTS, FrigateVectorEnv
 from ...envs.records import TRUTHS
+from ...envs.settings import EPISODE_S
 from ...envs.tasks import Task, get_task
 from .kpis import EpisodeSums
 
@@ -46,7 +47,7 @@ class Setting:
     observer: str
     seeds: int
     ship: str | None = None
-    episode_s: float = DEFAULTS.episode_s
+    episode_s: float = EPISODE_S
     sensor_noise: Any = DEFAULTS.sensor_noise
     task_model: Task | None = None
     first_seed: int = 0
@@ -106,9 +107,11 @@ def run_episodes(
         sea=None if setting.sea == "task" else setting.sea,
         observer=setting.observer,
         sensor_noise=setting.sensor_noise,
-        episode_s=setting.episode_s,
+        max_episode_steps=max(round(setting.episode_s / DEFAULTS.control_interval_s), 1),
         randomise=setting.randomise,
         tuning=setting.tuning,
+        autoreset_mode="NextStep",  # the info of the last step is that of the episode that ended
+        **CLASSIC,
     )
     interval = env.batch.interval_s
     observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
@@ -123,8 +126,7 @@ def run_episodes(
         observation, reward, terminated, truncated, info = env.step(action)
         sums.add(alive, info, reward, order)
         if alive[0]:
-            last = info["final_obs"][0] if terminated[0] or truncated[0] else observation[0]
-            seen = readings(last)
+            seen = readings(observation[0])
             truth = [float(info[name][0]) for name in TRUTHS]
             trace.append(
                 [len(trace) * interval, order[0], seen.pitch_ratio[0], seen.fuel_rack[0], *truth,

@@ -37,7 +37,8 @@ class PolicyEnv(VecEnvWrapper):
         self._seen = self.venv.reset()
         features, self.memory = self.adapter.see(self._seen)
         share = np.arange(self.num_envs) / self.num_envs
-        self.batch.elapsed[:] = (share * self.batch.settings.intervals).astype(np.int64)
+        intervals = self.batch.settings.max_episode_steps or 0
+        self.batch.elapsed[:] = (share * intervals).astype(np.int64)
         return self._with_told(features)
 
     def step_async(self, actions: Any) -> None:

@@ -19,6 +19,7 @@ from stable_baselines3.common.torch_layers import MlpExtractor
 from ...envs.batch import Batch
 from ...envs.kernel import resistance_angle, waves_ahead
 from ...envs.records import MAX_ORDERS
+from ...envs.settings import LARGEST_EPISODE
 
 AHEAD_S, EVERY_S = 8.0, 1.0
 """How far ahead the critic is told the waves, about one of them, and how often [s]."""
@@ -40,7 +41,8 @@ def told(batch: Batch) -> NDArray[np.float32]:
     swing = episodes["resistance_swing"]
     interval = episodes["order_interval"]
     now = np.floor(time / interval)
-    follows = (now + 1.0) * interval < batch.settings.episode_s  # else this order is the last
+    steps = batch.settings.max_episode_steps or LARGEST_EPISODE
+    follows = (now + 1.0) * interval < steps * batch.interval_s  # else this order is the last
     coming = np.minimum(now + follows, MAX_ORDERS - 1).astype(np.int64)
     following = episodes["orders"][np.arange(batch.n), coming]
     sea = np.sqrt(0.5 * np.sum(batch.arrays.seas["amplitude"] ** 2, axis=1))

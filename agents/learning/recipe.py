@@ -28,13 +28,13 @@ from pydantic import (
 from ...core.files import FileError, read_text, reason_of
 from ...core.models import FileModel, refuse_words
 from ...core.sizes import check_size
-from ...envs import Task, Weights, get_task
+from ...envs import get_task
 from ...observers import ObserverError, get_observer
 from ..policy.residual import Form
 
 ALGORITHMS = ("ppo", "sac")
 _SET_HERE = {"env", "policy", "verbose", "seed", "device", "tensorboard_log", "_init_setup_model"}
-_ENVIRONMENT = ("observer", "tuning", "sea", "sensor_noise", "episode_s", "randomise")
+_ENVIRONMENT = ("observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise")
 """Keywords of the environment that a recipe may set. The others are given elsewhere, or the base
 controller depends on them: it expects observations in physical units and a command of the fuel rack.
 """
@@ -68,9 +68,6 @@ class Recipe(FileModel):
     normalize: bool = True
     legs: int = Field(10, ge=1, description="parts between which it is judged and saved")
     env_kwargs: dict[str, Any] = Field(default_factory=dict)
-    weights: dict[str, float] = Field(
-        default_factory=dict, description="of the reward in training, where not the task's own"
-    )
     form: Form = Field(default_factory=Form, description="how the policy is tied to the ship")
     hyperparameters: dict[str, Any] = Field(default_factory=dict)
 
@@ -123,12 +120,6 @@ class Recipe(FileModel):
         weights = sum(a * b for a, b in itertools.pairwise([256.0, *widths, 256.0]))
         check_size(weights, _BYTES_A_WEIGHT, "weights of a network (net_arch)")
         return self
-
-    def rewarded(self) -> Task:
-        """The task with the weights of this training."""
-        task = get_task(self.task)
-        weights = Weights.model_validate(task.weights.model_dump() | self.weights)
-        return task.model_copy(update={"weights": weights})
 
 
 def _numbers_in(value: Any) -> list[float]:
@@ -229,7 +220,7 @@ def recipe_of(
             {"task": task, **own, "algorithm": algorithm, "hyperparameters": values, **changes,
              "env_kwargs": env, "form": form}
         )  # fmt: skip
-        recipe.rewarded()
+        get_task(recipe.task)
     except ValidationError as error:
         said = "; ".join(
             f"{'.'.join(map(str, e['loc']))} = {e['input']!r}: {e['msg']}"

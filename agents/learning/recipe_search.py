@@ -21,6 +21,7 @@ import yaml
 
 from ...core.files import read_json, write_json, write_text
 from ...core.sweep import digest_of, refuse_another
+from ...envs import get_task
 from ...plant import load_ship
 from ..policy.policy import load_policy
 from .recipe import Recipe, RecipeError, recipe_of, recipe_path, section_of
@@ -36,9 +37,9 @@ Distribution = optuna.distributions.BaseDistribution
 
 _FIXED = {
     "algorithm": "another command", "task": "another command", "legs": "judged leg by leg",
-    "n_timesteps": "the longest would win", "weights": "they are the score",
+    "n_timesteps": "the longest would win",
 }  # fmt: skip
-_EASIER = {"sensor_noise", "episode_s"}  # of env_kwargs, and of the judging
+_EASIER = {"sensor_noise", "max_episode_steps"}  # of env_kwargs, and of the judging
 _WIDE = 10.0  # ends so many times apart are searched by their logarithms
 
 
@@ -207,7 +208,7 @@ def search_recipe(
         raise ValueError("trials, seeds and fresh must be 1 or more")
     asked = dict(vary or space_of(recipe.algorithm))
     space = _space(recipe, asked)
-    vessel = ship or recipe.rewarded().vessel
+    vessel = ship or get_task(recipe.task).vessel
     plan = {
         "recipe": recipe.model_dump(), "vary": asked, "seeds": seeds, "seed": seed,
         "ship": digest_of(repr(load_ship(vessel))), "source": sources(),

@@ -28,7 +28,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from ...core.archives import read_archive
 from ...core.files import write_json
 from ...core.sweep import digest_of, refuse_another, source_digest
-from ...envs import DEFAULTS
+from ...envs import CLASSIC, DEFAULTS, get_task
 from ...envs.sb3 import Sb3Frigates
 from ...plant import load_ship
 from ..evaluation.episodes import Setting, run_episodes
@@ -137,8 +137,9 @@ def built(
         threads: of the environments.
     """
     frigates = Sb3Frigates(
-        recipe.n_envs, task=recipe.rewarded(), ship=ship, threads=threads, **recipe.env_kwargs
-    )
+        recipe.n_envs, task=recipe.task, ship=ship, threads=threads,
+        **recipe.env_kwargs, **CLASSIC,
+    )  # fmt: skip
     piloted = PolicyEnv(frigates, recipe.form, telling=recipe.algorithm == "ppo")
     venv = VecNormalize(piloted, norm_obs=recipe.normalize, norm_reward=recipe.normalize,
                         gamma=float(recipe.hyperparameters.get("gamma", 0.99)))  # fmt: skip
@@ -221,7 +222,7 @@ def train(
         ValueError: the folder holds a training of another recipe or seed.
     """
     folder = Path(folder)
-    ship = ship or recipe.rewarded().vessel
+    ship = ship or get_task(recipe.task).vessel
     content = digest_of(repr(load_ship(ship)))
     plan = {
         "recipe": recipe.model_dump(), "seed": seed, "ship": {"source": ship, "content": content},
@@ -328,9 +329,10 @@ def judged(
         first_sea: seed of the first of the seas.
     """
     environment = {"sea": "task", "observer": DEFAULTS.observer} | recipe.env_kwargs
+    steps = environment.pop("max_episode_steps", DEFAULTS.max_episode_steps)
     setting = Setting(
-        "policy", recipe.task, seeds=JUDGED_SEEDS, ship=ship, task_model=recipe.rewarded(),
-        **environment,
+        "policy", recipe.task, seeds=JUDGED_SEEDS, ship=ship,
+        episode_s=steps * DEFAULTS.control_interval_s, **environment,
     )  # fmt: skip
     kpis, _ = run_episodes(setting, policy, first_seed=first_sea, threads=threads)
     return {name: float(interquartile_mean(kpis[name])) for name in _SHOWN if name != "failed"} | {

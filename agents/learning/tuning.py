@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...baselines.registry import ControllerError, make_controller, read_options, tunable
-from ...envs.settings import DEFAULTS
+from ...envs.settings import DEFAULTS, EPISODE_S
 from ...envs.tasks import get_task
 from ..evaluation.episodes import Setting, run_episodes
 
@@ -48,7 +48,7 @@ def tune(
     ranges: Mapping[str, tuple[float, float]] | None = None,
     rounds: int = 40,
     episodes: int = 24,
-    episode_s: float = DEFAULTS.episode_s,
+    episode_s: float = EPISODE_S,
     seed: int = 0,
     observer: str = DEFAULTS.observer,
     threads: int | None = None,

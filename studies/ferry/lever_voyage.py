@@ -13,6 +13,7 @@ from ...baselines.combinator import Combinator
 from ...baselines.combinator_surface import combinator_surface
 from ...baselines.controller import readings
 from ...baselines.cpp_optimiser import CppOptimiser
+from ...envs import CLASSIC
 from ...envs.frigate import FrigateEnv
 from ...envs.tasks import get_task
 from ...plant import Ship
@@ -58,13 +59,18 @@ def voyage(
         {"hull.episode_resistance_fraction": factor - 1.0, "hull.episode_start_s": STEP_AT}
     )
     env = FrigateEnv(
-        ship=heavier, task=task, observer=observer, sensor_noise=noise, episode_s=SECONDS
+        ship=heavier,
+        task=task,
+        observer=observer,
+        sensor_noise=noise,
+        max_episode_steps=None,
+        **CLASSIC,
     )
     plant = ship.record()
     orders = {"speed_order_m_s": (speed, corrected), "order_interval_s": STEP_AT}
     observation, _ = env.reset(seed=0, options=orders)
     remembered, rows = None, []
-    for k in range(env.batch.settings.intervals):
+    for k in range(round(SECONDS / env.batch.interval_s)):
         time = 0.5 * k
         action, remembered = controller.predict(observation, remembered, np.array([k == 0]))
         observation, _, _, _, info = env.step(action)

@@ -51,7 +51,15 @@ def planned(cell: tuple[str, str, int]) -> dict[str, Any]:
     task, law, seed = cell
     apart = f"{task}:{HELD_OUT}"
     ship = get_task(task).sailed()
-    episode = Clairvoyant(Settings.of({"task": apart, "episode_s": length_of(task)}), seed)
+    episode = Clairvoyant(
+        Settings.of(
+            {
+                "task": apart,
+                "max_episode_steps": round(length_of(task) / DEFAULTS.control_interval_s),
+            }
+        ),
+        seed,
+    )
     plans = [
         episode.plan(load_controller(name, ship, episode.interval_s)) for name in (law, _SECOND)
     ]

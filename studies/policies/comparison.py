@@ -25,6 +25,7 @@ from ...agents.evaluation.sweeps import Episodes, episodes
 from ...agents.policy.policy import Policy, PolicyError, load_policy
 from ...baselines.controller import Controller
 from ...envs import DEFAULTS
+from ...envs.settings import EPISODE_S
 from ...envs.tasks import HELD_OUT, get_task
 
 HELD, VA_PITCH = "combinator-trimmed", "va-pitch"
@@ -110,7 +111,7 @@ def compare(
     folder: Path,
     *,
     seeds: int = 60,
-    episode_s: float = DEFAULTS.episode_s,
+    episode_s: float = EPISODE_S,
     jobs: int | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> Comparison:

@@ -148,8 +148,7 @@ def card(one: Comparison, source: Path) -> str:
         "torch": about.get("torch", "not recorded"),
     }  # fmt: skip
     listed = "\n".join(f"- {key}: {value}" for key, value in lines.items())
-    weights = {k: v for k, v in get_task(one.task).weights.model_dump().items() if v}
-    weights |= recipe.get("weights", {})
+    goals = ", ".join(get_task(one.task).goals.used)
     command = (
         f"shaftline train --task {one.task} --algorithm {recipe['algorithm']} --seed "
         f"{about['seed']} --out out/{one.task}"
@@ -159,7 +158,7 @@ def card(one: Comparison, source: Path) -> str:
     return "\n\n".join(
         [
             f"# Policy `{one.task}`", listed, f"```\n{command}\n```",
-            "Weights of the reward: " + ", ".join(f"`{k}` {v:g}" for k, v in weights.items()),
+            f"Goals of the reward: {goals}.",
             f"Recipe:\n\n{rows}",
             f"## On the held-out seas (`{one.task}:{HELD_OUT}`)",
             f"The recipe's {len(one.policies)} trainings, of which this is one; "

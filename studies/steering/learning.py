@@ -21,7 +21,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
 from ...agents.learning.tuning import searched
 from ...baselines.registry import make_steering
 from ...baselines.steering import SteeringController, course
-from ...envs import SteeringVectorEnv
+from ...envs import CLASSIC, SteeringVectorEnv
 from ...envs.sb3 import Sb3Frigates
 from ...envs.settings import DEFAULTS
 
@@ -56,7 +56,7 @@ def sail(controller: Any, task: str, first_seed: int, episodes: int, **settings:
         episodes: how many.
         settings: keywords of the environment.
     """
-    env = SteeringVectorEnv(episodes, task=task, **settings)
+    env = SteeringVectorEnv(episodes, task=task, autoreset_mode="NextStep", **CLASSIC, **settings)
     observation, _ = env.reset(seed=first_seed)
     state, starting, alive = None, np.ones(episodes, bool), np.ones(episodes, bool)
     reward, sums, count = np.zeros(episodes), np.zeros((len(KPIS), episodes)), np.zeros(episodes)
@@ -118,7 +118,7 @@ class RudderEnv(Sb3Frigates):
         self._seed = None
         batch = self.vector.batch
         share = np.arange(self.num_envs) / self.num_envs
-        batch.elapsed[:] = (share * batch.settings.intervals).astype(np.int64)
+        batch.elapsed[:] = (share * (batch.settings.max_episode_steps or 0)).astype(np.int64)
         self._action, self._state = self.base.predict(observation)
         self._before = self._action[:, 2].copy()
         return features(observation, self._action[:, 2], self._before, self.base)
@@ -212,7 +212,7 @@ def trained(task: str, base: str, seed: int, intervals: int, environments: int =
         intervals: control intervals of all environments together.
         environments: side by side.
     """
-    vector = SteeringVectorEnv(environments, task=task)
+    vector = SteeringVectorEnv(environments, task=task, **CLASSIC)
     made = make_steering(base, vector.batch.ship, DEFAULTS.control_interval_s)
     venv = RudderEnv(vector, made)
     venv.seed(1000 * seed)

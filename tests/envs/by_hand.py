@@ -1,4 +1,4 @@
-"""Environments sailed step by step with the plant's kernels, to hold the interval against."""
+"""Environments simulated step by step with the plant's kernels, as reference of the interval."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shaftline.baselines.governor import govern
+from shaftline.baselines.governor import govern, limited_rack
 from shaftline.envs import FrigateEnv, get_task
 from shaftline.plant.fuel import fuel_rate
 from shaftline.plant.stepping import Disturbance, step
@@ -16,6 +16,9 @@ STILL: dict[str, Any] = get_task("transit").model_dump() | {
     "seas": ("calm",), "resistance_rise": (0.0, 0.0), "resistance_swing": 0.0,
 }  # fmt: skip
 """A task in which nothing disturbs the ship."""
+
+TRAVERSE_S = 20.0
+"""Time in which an increment of 1 moves a command over its range [s]."""
 
 
 class Moment(NamedTuple):
@@ -48,6 +51,19 @@ class ByHand:
             )
         )  # fmt: skip
         self.dt, self.steps, self.gains = batch.dt, batch.steps, batch.gains
+        self.command = batch.command
+        self.increments = batch.settings.action_mode == "increment"
+        self.slope = float(batch.common["limiter_slope"])
+        low, high = (
+            self.plant[f"engine_speed_{end}"] / self.plant["gear_ratio"] for end in ("min", "max")
+        )
+        ends = {"shaft-speed": (low, high)}.get(
+            self.command, (self.plant["drive_min"], self.plant["drive_max"])
+        )
+        self.low = np.array([self.plant["pitch_ratio_min"], ends[0]])
+        self.high = np.array([self.plant["pitch_ratio_max"], ends[1]])
+        begun = "shaft_speed_command" if self.command == "shaft-speed" else "rack_command"
+        self.commands = np.array([self.episode["pitch_command"], self.episode[begun]])
         self.elapsed = 0
         self.integral = float(self.episode["integral"])
         self.measured = float(self.state["shaft_speed"])
@@ -63,24 +79,31 @@ class ByHand:
         return float(self.episode["orders"][min(int(time / self.episode["order_interval"]), 63)])
 
     def interval(self, action: Any) -> list[Moment]:
-        """Hold an action over an interval."""
+        """Simulate one control interval under an action and return its plant steps."""
         p = self.plant
-        share = 0.5 * (np.asarray(action, np.float32).astype(np.float64) + 1.0)
-        pitch = p["pitch_ratio_min"] + share[0] * (p["pitch_ratio_max"] - p["pitch_ratio_min"])
-        drive = p["drive_min"] + share[1] * (p["drive_max"] - p["drive_min"])
-        low, high = (p[name] / p["gear_ratio"] for name in ("engine_speed_min", "engine_speed_max"))
+        given = np.asarray(action, np.float32).astype(np.float64)
+        span = self.high - self.low
+        if self.increments:
+            moved = self.commands + given * self.steps * self.dt / TRAVERSE_S * span
+            self.commands = np.clip(moved, self.low, self.high)
+        else:
+            self.commands = self.low + 0.5 * (given + 1.0) * span
+        pitch, second = map(float, self.commands)
         found = []
         for k in range(self.steps):
             time = (self.elapsed * self.steps + k) * self.dt
-            if self.gains.shape[1]:
+            drive = second
+            if self.command == "shaft-speed":
                 gains = (np.interp(self.measured, self.gains[0], self.gains[i]) for i in (1, 2))
                 drive, self.integral = govern(
-                    p, low + share[1] * (high - low), self.measured, self.integral, *gains
+                    p, second, self.measured, self.integral, *gains
                 )
+            elif self.command == "limited-rack":
+                drive = limited_rack(p, second, self.measured, self.slope)
             omega, speed = float(self.state["shaft_speed"]), float(self.state["ship_speed"])
             log = float(self.memory["speed_log"])
             outputs = step(
-                p, self.state, self.memory, self.sea, float(drive), float(pitch), 0.0,
+                p, self.state, self.memory, self.sea, float(drive), pitch, 0.0,
                 self.disturbance(time), self.disturbance(time + 0.5 * self.dt),
                 self.disturbance(time + self.dt), self.dt,
             )  # fmt: skip

@@ -1,4 +1,4 @@
-"""How an episode begins: what is drawn, where the ship is put, and that she stays there."""
+"""How an episode begins: what is drawn, and the steady state in which the ship begins."""
 
 from __future__ import annotations
 
@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.utils.seeding import np_random
 
 from shaftline.baselines.actions import encode
 from shaftline.baselines.governor import tune
-from shaftline.envs import FrigateEnv, FrigateVectorEnv, Settings, get_task
+from shaftline.envs import CLASSIC, FrigateEnv, FrigateVectorEnv, Settings
 from shaftline.envs.batch import Batch, _governor_gains
 from shaftline.envs.starts import steady_states
-from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
+from shaftline.plant import Ship, equilibrium, load_ship
 from shaftline.plant.hull import resistance, wave_resistance
-from shaftline.plant.waves import SEA
 
 from .by_hand import STILL
 
@@ -40,10 +38,10 @@ def held(env: FrigateEnv | FrigateVectorEnv) -> Any:
 
 
 @pytest.mark.parametrize("values", SHIPS, ids=NAMES)
-def test_a_ship_whose_commands_are_held_stays_where_she_begins(values: dict[str, float]) -> None:
+def test_a_ship_whose_commands_are_held_stays_in_its_steady_state(values: dict[str, float]) -> None:
     ship = load_ship("frigate").with_values(values)
     settings: dict[str, Any] = {
-        "ship": ship, "task": STILL, "sensor_noise": 0.0, "observer": "oracle",
+        "ship": ship, "task": STILL, "sensor_noise": 0.0, "observer": "oracle", **CLASSIC,
     }  # fmt: skip
     single, vector = FrigateEnv(**settings), FrigateVectorEnv(3, **settings)
     speed = float(single.batch.table["ship_speed"][4])
@@ -55,9 +53,9 @@ def test_a_ship_whose_commands_are_held_stays_where_she_begins(values: dict[str,
         speed, steady.state.shaft_speed, steady.outputs.shaft_torque, steady.state.pitch_ratio,
         steady.inputs.drive, speed, steady.outputs.advance_velocity, 1.0,
     ]  # fmt: skip
-    assert first == pytest.approx(np.asarray(expected, np.float32), rel=1e-5)
+    assert first[:8] == pytest.approx(np.asarray(expected, np.float32), rel=1e-5)
     for _ in range(40):
-        assert first == pytest.approx(np.asarray(expected, np.float32), rel=1e-4)
+        assert first[:8] == pytest.approx(np.asarray(expected, np.float32), rel=1e-4)
         assert np.array_equal(many, np.tile(first, (3, 1)))
         first, *_ = single.step(held(single))
         many, *_ = vector.step(np.tile(held(vector), (3, 1)))
@@ -65,9 +63,9 @@ def test_a_ship_whose_commands_are_held_stays_where_she_begins(values: dict[str,
 
 @pytest.mark.parametrize("values", SHIPS, ids=NAMES)
 @pytest.mark.parametrize("sea", ["calm", "state-5"])
-def test_between_the_steady_states_she_hardly_moves(values: dict[str, float], sea: str) -> None:
+def test_between_the_tabulated_steady_states_a_ship_hardly_moves(values: dict[str, float], sea: str) -> None:
     ship = load_ship("frigate").with_values(values)
-    env = FrigateEnv(ship=ship, task=STILL, sensor_noise=0.0, observer="none")
+    env = FrigateEnv(ship=ship, task=STILL, sensor_noise=0.0, observer="none", **CLASSIC)
     first, _ = env.reset(seed=0, options={"initial_speed_m_s": 7.4, "speed_order_m_s": 7.4})
     waves = 1.0 if sea == "state-5" else 0.0
     env.reset(seed=0, options={"initial_speed_m_s": 7.4, "speed_order_m_s": 7.4, "sea": sea})
@@ -95,7 +93,7 @@ def test_steady_states_are_those_of_calm_water_at_three_quarters_of_the_pitch() 
     assert (np.diff(table["ship_speed"]) > 0.0).all()
 
 
-def test_a_ship_that_cannot_sail_in_her_engines_range_is_refused() -> None:
+def test_a_ship_without_steady_states_in_its_engines_range_is_refused() -> None:
     stiff = load_ship("frigate").with_values({"prime_mover.torque_offset_N_m": -50e3})
     with pytest.raises(
         ValueError, match="frigate: no steady states inside the engine's speed range"
@@ -115,16 +113,17 @@ def test_a_ship_that_cannot_sail_in_her_engines_range_is_refused() -> None:
         (Settings(control_interval_s=0.12), "control_interval_s"),
     ],
 )
-def test_what_cannot_be_is_refused_before_anything_begins(settings: Settings, words: str) -> None:
+def test_settings_that_do_not_exist_are_refused_at_once(settings: Settings, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         Batch(1, settings)
 
 
-def test_she_may_begin_at_either_end_of_her_steady_speeds() -> None:
+def test_an_episode_may_begin_at_either_end_of_the_steady_speeds() -> None:
     batch = Batch(1, Settings())
     known = batch.table["ship_speed"]
     for speed in (known[0], known[-1]):
-        assert batch.begin({"initial_speed_m_s": speed}).initial_speed_m_s == speed
+        begun = batch.begin({"initial_speed_m_s": speed}).ranges[0]
+        assert begun["initial_speed"].tolist() == [speed, speed]
     for speed in (known[0] - 1e-6, known[-1] + 1e-6):
         with pytest.raises(ValueError, match="initial_speed_m_s"):
             batch.begin({"initial_speed_m_s": speed})
@@ -145,70 +144,42 @@ def test_a_ship_without_diesel_or_that_does_not_move_is_refused(ship: str) -> No
 def test_the_governor_is_tuned_at_the_plants_step() -> None:
     ship = load_ship("frigate")
     assert np.array_equal(_governor_gains(ship), np.array(tune(ship, 0.05)))
-    assert Batch(1, Settings()).gains.shape == (3, 0)
-    by_speed = Batch(1, Settings(action_mode="shaft-speed"))
+    assert not Batch(1, Settings(command="fuel-rack")).gains.any()
+    by_speed = Batch(1, Settings(command="shaft-speed"))
     assert np.array_equal(by_speed.gains, _governor_gains(ship))
 
 
 def test_the_interval_is_whole_steps_of_the_ships() -> None:
     batch = Batch(3, Settings(control_interval_s=0.25))
     assert (batch.n, batch.steps, batch.dt, batch.interval_s) == (3, 5, 0.05, 0.25)
-    assert batch.observation.shape == (3, 8)
-    assert batch.observation.dtype == np.float32
+    assert batch.observation().shape == (3, 15)
+    assert batch.observation(np.array([2])).shape == (1, 15)
+    assert batch.observation().dtype == np.float32
     slow = load_ship("frigate").with_values({"integration.time_step_s": 0.1})
     assert Batch(1, Settings(ship=slow)).steps == 5
 
 
-def test_a_seed_decides_every_draw() -> None:
-    """The order of the draws decides which episode a seed is, so every published figure rests on it."""
-    env = FrigateEnv(task="transit", randomise={"hull.mass_kg": 0.2, "propeller.depth_m": 0.1})
-    env.reset(seed=11)
-    arrays, task, ship = env.batch.arrays, get_task("transit"), load_ship("frigate")
-    episode, sea, plant = arrays.episodes[0], arrays.seas[0].copy(), arrays.plants[0]
-    rng, _ = np_random(11)
-    assert plant["mass"] == 3.3e6 * rng.uniform(0.8, 1.2)
-    assert plant["depth"] == 4.0 * rng.uniform(0.9, 1.1)
-    preset = get_sea(task.presets[rng.integers(4)])
-    wave_seed = int(rng.integers(2**31))
-    assert preset is not None
-    for low in (preset.hs_m, preset.tp_s, preset.gamma, preset.heading_deg):
-        assert rng.uniform(low, low) == low
-    expected = realise(preset, ship.propeller.depth_m, wave_seed)
-    for name in ("present", "amplitude", "velocity", "frequency", "wavenumber", "phase"):
-        assert np.array_equal(sea[name], expected[name])
-    env.batch.reset(
-        np.array([0]), [np_random(11)[0]], env.batch.begin(None)
-    )  # before noise is drawn
-    fresh = arrays.episodes[0]
-    assert fresh["random"] == rng.integers(2**63, dtype=np.uint64)
-    assert np.array_equal(episode["orders"], rng.uniform(7.0, 9.0, 64))
-    assert episode["order_interval"] == 1e4
-    assert episode["resistance_mean"] == 1.0 + rng.uniform(-0.1, 0.3)
-    assert episode["resistance_swing"] == 0.1
-    assert episode["resistance_frequency"] == 2.0 * math.pi / rng.uniform(60.0, 180.0)
-    assert episode["resistance_phase"] == rng.uniform(0.0, 2.0 * math.pi)
-    assert episode["elapsed"] == 0
-
-
-def test_the_ship_begins_at_her_first_order() -> None:
+def test_a_ship_begins_in_the_steady_state_of_its_speed_with_commands_to_match() -> None:
     env = FrigateEnv(task="speed-keeping", sea="calm")
-    env.reset(seed=2, options={"resistance_rise": 0.0})
+    env.reset(seed=2, options={"resistance_rise": 0.0, "initial_speed_m_s": 7.3})
     episode, state = env.batch.arrays.episodes[0], env.batch.arrays.states[0]
-    order, table = float(episode["orders"][0]), env.batch.table
-    assert state["ship_speed"] == order
+    table = env.batch.table
+    assert state["ship_speed"] == 7.3
     for field, name in (("shaft_speed", "shaft_speed"), ("pitch_ratio", "pitch_ratio")):
-        assert state[field] == np.interp(order, table["ship_speed"], table[name])
-    assert episode["drive"] == np.interp(order, table["ship_speed"], table["drive"])
+        assert state[field] == np.interp(7.3, table["ship_speed"], table[name])
+    assert episode["drive"] == np.interp(7.3, table["ship_speed"], table["drive"])
     assert episode["integral"] == env.batch.arrays.memories[0]["rack"] == episode["drive"]
+    assert episode["rack_command"] == episode["drive"]
+    assert episode["shaft_speed_command"] == state["shaft_speed"]
     assert episode["pitch_command"] == pytest.approx(1.2)
     assert state["position"] == 0.0
 
 
 @pytest.mark.parametrize("load", [1.25, 1.37])
-def test_a_ship_begins_with_the_rack_that_her_load_needs(load: float) -> None:
-    """Loads between those of the tables too; waves from ahead load her as a heavier hull does."""
+def test_a_ship_begins_with_the_rack_that_its_load_needs(load: float) -> None:
+    """Loads between those of the tables too; waves from ahead load the ship as a higher resistance does."""
     ship = load_ship("frigate-at-sea").with_values({"ventilation.thrust_loss": 0.0})
-    settings: dict[str, Any] = {"ship": ship, "task": STILL, "sensor_noise": 0.0}
+    settings: dict[str, Any] = {"ship": ship, "task": STILL, "sensor_noise": 0.0, **CLASSIC}
     env = FrigateEnv(**settings)
     options = {"speed_order_m_s": 7.0, "resistance_rise": load - 1.0}
     env.reset(seed=0, options=options)
@@ -231,7 +202,7 @@ def test_a_ship_begins_with_the_rack_that_her_load_needs(load: float) -> None:
 
 
 @pytest.mark.parametrize(("order", "row"), [(1.0, 0), (30.0, -1)])
-def test_orders_beyond_her_reach_let_her_begin_at_its_end(order: float, row: int) -> None:
+def test_with_an_order_beyond_the_steady_speeds_a_ship_begins_at_their_end(order: float, row: int) -> None:
     env = FrigateEnv(task=STILL)
     env.reset(seed=0, options={"speed_order_m_s": order})
     end = env.batch.table[row]
@@ -239,76 +210,9 @@ def test_orders_beyond_her_reach_let_her_begin_at_its_end(order: float, row: int
     assert (state["ship_speed"], state["shaft_speed"]) == (end["ship_speed"], end["shaft_speed"])
 
 
-def begun(**options: Any) -> dict[str, Any]:
-    """What an episode of one seed begins with."""
-    env = FrigateVectorEnv(1, task="transit", threads=1)
-    env.reset(seed=3, options=options)
-    arrays = env.batch.arrays
-    names = arrays.episodes.dtype.names
-    return {name: arrays.episodes[0][name].tolist() for name in names} | {
-        "sea": arrays.seas[0]["amplitude"].tolist(), "waves": arrays.seas[0]["phase"].tolist(),
-        "speed": float(arrays.states[0]["ship_speed"]),
-    }  # fmt: skip
-
-
-LOADED = {"gauge_torque", "mean_torque", "mean_attack"}
-"""What the waves act on at once."""
-STARTS = {"pitch_command", "drive", "integral", "measured_shaft_speed", "mean_brake_torque",
-          "speed", *LOADED}  # fmt: skip
-"""What follows from the ship's speed at the beginning."""
-
-
-@pytest.mark.parametrize(
-    ("options", "changed"),
-    [
-        ({"speed_order_m_s": 7.0}, {"orders", *STARTS}),
-        ({"speed_order_m_s": (7.0, 8.0)}, {"orders", *STARTS}),
-        ({"order_interval_s": 20.0}, {"order_interval"}),
-        ({"initial_speed_m_s": 6.0}, STARTS),
-        ({"resistance_rise": 0.5}, {"resistance_mean", *STARTS} - {"speed"}),
-        ({"sea": "calm"}, {"sea", "waves", *LOADED}),
-        ({"sea": "state-7"}, {"sea", "waves", *LOADED}),
-        ({"sea": ["state-7"]}, {"sea", "waves", *LOADED}),
-        (
-            {"sea": {"hs_m": (1.0, 5.0), "tp_s": 9.0}},
-            {"sea", "waves", *LOADED},
-        ),
-    ],
-)
-def test_an_option_acts_and_leaves_all_else_as_it_was_drawn(
-    options: dict[str, Any], changed: set[str]
-) -> None:
-    plain, other = begun(), begun(**options)
-    assert {name for name in plain if plain[name] != other[name]} <= changed | {"pitch_command"}
-    for name in changed - {"waves", "pitch_command"}:
-        assert plain[name] != other[name], name
-
-
-def test_options_mean_what_they_say() -> None:
-    found = begun(
-        speed_order_m_s=(7.0, 8.0), order_interval_s=20.0, initial_speed_m_s=6.0,
-        resistance_rise=0.5, sea={"hs_m": 2.0, "tp_s": 9.0},
-    )  # fmt: skip
-    assert found["orders"][:3] == [7.0, 8.0, 8.0]
-    assert found["order_interval"] == 20.0
-    assert found["speed"] == 6.0
-    assert found["resistance_mean"] == 1.5
-    assert 4.0 * math.sqrt(0.5 * np.sum(np.square(found["sea"]))) == pytest.approx(2.0)
-
-
-def test_a_sea_of_the_options_is_drawn_too() -> None:
-    env = FrigateVectorEnv(40, task="transit", threads=1)
-    sea = ["calm", {"hs_m": (1.0, 3.0), "tp_s": 9.0}]
-    env.reset(seed=0, options={"sea": sea})
-    heights = 4.0 * np.sqrt(0.5 * np.sum(env.batch.arrays.seas["amplitude"] ** 2, axis=1))
-    assert 10 < np.sum(heights == 0.0) < 30
-    assert np.ptp(heights[heights > 0.0]) > 1.0
-    assert env.batch.arrays.seas.dtype == SEA
-
-
 def test_factors_lie_in_their_range_and_reach_the_kernel() -> None:
     widths = {"hull.resistance_coefficient_N_s2_m2": 0.1, "prime_mover.torque_offset_N_m": 0.3}
-    env = FrigateVectorEnv(60, task=STILL, randomise=widths, sensor_noise=0.0)
+    env = FrigateVectorEnv(60, task=STILL, randomise=widths, sensor_noise=0.0, **CLASSIC)
     env.reset(seed=0, options={"initial_speed_m_s": 8.0})
     nominal, drawn = load_ship("frigate").record(), env.batch.arrays.plants
     for field, width in (("resistance_coefficient", 0.1), ("torque_offset", 0.3)):
@@ -327,7 +231,7 @@ def test_factors_lie_in_their_range_and_reach_the_kernel() -> None:
 
 
 def test_a_reset_forgets_the_last_episode() -> None:
-    env = FrigateEnv(task="storm", observer="random-walk-kalman", action_mode="shaft-speed")
+    env = FrigateEnv(task="storm", observer="random-walk-kalman", action_mode="residual")
     runs = []
     for _ in range(2):
         seen = [env.reset(seed=8)[0]]
@@ -339,7 +243,7 @@ def test_a_reset_forgets_the_last_episode() -> None:
 def test_shares_and_threads_change_no_bit() -> None:
     runs = []
     for threads in (1, 2, 5):
-        env = FrigateVectorEnv(7, task="storm", threads=threads, episode_s=6.0)
+        env = FrigateVectorEnv(7, task="storm", threads=threads, max_episode_steps=12)
         rows = [env.reset(seed=5)[0]]
         for k in itertools.islice(itertools.count(), 16):
             seen, reward, _, _, info = env.step(np.full((7, 2), 0.1 + 0.02 * k, np.float32))

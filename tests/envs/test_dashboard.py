@@ -1,4 +1,4 @@
-"""What the picture of a run shows."""
+"""What the dashboard draws."""
 
 from __future__ import annotations
 
@@ -32,13 +32,16 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     return Kept.made
 
 
-def test_lines_are_what_was_seen(figures: list[Figure]) -> None:
-    env = FrigateEnv(render_mode="rgb_array", task="transit", episode_s=10.0)
+@pytest.mark.parametrize("normalised", [False, True])
+def test_lines_are_the_signals_in_physical_units(
+    figures: list[Figure], normalised: bool
+) -> None:
+    env = FrigateEnv(render_mode="rgb_array", task="transit", normalised=normalised)
     env.reset(seed=0)
     rows, truth, engine, reward = [], [], [], 0.0
     for _ in range(5):
-        seen, rewarded, *_, info = env.step(ACTION)
-        rows.append(seen)
+        _, rewarded, *_, info = env.step(ACTION)
+        rows.append(env.batch.signals[0, :8].copy())
         truth.append(info["advance_velocity"])
         engine.append(info["brake_torque"])
         reward += float(rewarded)
@@ -69,8 +72,8 @@ def test_lines_are_what_was_seen(figures: list[Figure]) -> None:
     assert title.endswith(f"transit · random-walk-kalman · 2 s · reward {reward:.1f}")
 
 
-def test_a_reset_begins_an_empty_picture(figures: list[Figure]) -> None:
-    env = FrigateEnv(render_mode="rgb_array", episode_s=10.0)
+def test_a_reset_empties_the_picture(figures: list[Figure]) -> None:
+    env = FrigateEnv(render_mode="rgb_array")
     env.reset(seed=0)
     env.step(ACTION)
     env.reset(seed=0)
@@ -79,8 +82,8 @@ def test_a_reset_begins_an_empty_picture(figures: list[Figure]) -> None:
     assert np.asarray(line.get_ydata()).tolist() == [0.0]
 
 
-def test_a_steered_ship_shows_her_course(figures: list[Figure]) -> None:
-    env = gymnasium.make("shaftline/Steering-v0", render_mode="rgb_array", episode_s=10.0)
+def test_of_a_steered_ship_the_course_is_drawn(figures: list[Figure]) -> None:
+    env = gymnasium.make("shaftline/Steering-v0", render_mode="rgb_array")
     env.reset(seed=0)
     env.step(env.action_space.sample())
     env.render()

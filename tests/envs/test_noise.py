@@ -1,4 +1,4 @@
-"""The noise of the instruments: of each, by its seed, and whom it reaches."""
+"""The noise of the instruments: of each, by its seed, and what it acts on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.envs import FrigateEnv, FrigateVectorEnv
+from shaftline.envs import CLASSIC, FrigateEnv, FrigateVectorEnv
 from shaftline.envs.randomness import normal
 from shaftline.observers.torque_curve import model_torque
 from shaftline.plant import Ship, load_ship
@@ -29,10 +29,10 @@ COLUMNS = {
 
 
 def readings(noise: Any, intervals: int = 40, n: int = 60) -> Any:
-    """Readings of n ships through an episode with held commands, and what the accelerometer said."""
+    """Return the observations of n environments under constant commands, shape (intervals + 1, n)."""
     env = FrigateVectorEnv(
         n, task=STILL, sensor_noise=noise, observer="shaft-acceleration", control_interval_s=0.05,
-        episode_s=100.0, threads=1,
+        max_episode_steps=None, threads=1, **CLASSIC,
     )  # fmt: skip
     env.reset(seed=7)
     rows = [env.batch.arrays.observations.copy()]
@@ -43,7 +43,7 @@ def readings(noise: Any, intervals: int = 40, n: int = 60) -> Any:
 
 
 def accelerations(table: Any, ship: Ship) -> Any:
-    """Shaft accelerations [rad/s2] that the observer was told, from its estimates."""
+    """Return the shaft accelerations [rad/s2] that the observer read, from its estimates."""
     plant = ship.record()
     flat = table.ravel()
     torque = [
@@ -71,7 +71,7 @@ def test_every_instrument_has_its_noise_and_no_other() -> None:
         assert np.array_equal(clean[name], noisy[name])
 
 
-def test_the_accelerometers_noise_reaches_the_observer_alone() -> None:
+def test_the_accelerometers_noise_acts_on_the_observer_alone() -> None:
     ship = load_ship("frigate")
     clean, noisy = readings(0.0, 20), readings({"shaft_acceleration": 2e-2}, 20)
     for column in COLUMNS.values():
@@ -81,13 +81,13 @@ def test_the_accelerometers_noise_reaches_the_observer_alone() -> None:
 
 
 def test_a_seed_decides_the_noise() -> None:
-    """One stream, drawn instrument by instrument: what a seed shows is part of every figure."""
-    batch = FrigateEnv(task=STILL, observer="none").batch
+    """One stream, drawn instrument by instrument; published results rest on its order."""
+    batch = FrigateEnv(task=STILL, observer="none", normalised=False).batch
     batch.reset(np.array([0]), [np.random.default_rng(0)], batch.begin(None))
     stream, memory = batch.arrays.episodes[0].copy(), batch.arrays.memories[0]
     batch.observe(np.array([0]))
     draws = [normal(stream) for _ in range(5)]
-    shown = batch.observation[0]
+    shown = batch.observation()[0]
     truth = [batch.arrays.states[0]["shaft_speed"], memory["shaft_torque"], memory["pitch_ratio"]]
     rms = [USUAL[name] for name in ("shaft_speed", "shaft_torque", "pitch_ratio")]
     assert shown[1:4] == pytest.approx(
@@ -107,11 +107,11 @@ def test_noise_by_instrument_and_by_share() -> None:
         assert np.std(error) == pytest.approx(0.5 * USUAL[name], rel=0.1)
 
 
-def test_noise_leaves_the_plant_alone_where_nobody_steers_by_it() -> None:
+def test_noise_does_not_act_on_the_plant_where_no_governor_uses_it() -> None:
     actions = np.random.default_rng(1).uniform(-0.2, 0.9, (12, 2)).astype(np.float32)
     truths = []
     for noise in (0.0, 1.0):
-        env = FrigateEnv(task="transit", sensor_noise=noise)
+        env = FrigateEnv(task="transit", sensor_noise=noise, **CLASSIC)
         env.reset(seed=3)
         truths.append([env.step(action)[4]["shaft_speed"] for action in actions])
     assert truths[0] == truths[1]

@@ -1,10 +1,8 @@
-"""Each reward term by hand, at its limit from both sides, and what they add up to."""
+"""Each reward term by hand, at its limit from both sides, goals, and the reward of an interval."""
 
 from __future__ import annotations
 
 import math
-import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,15 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from shaftline.envs import TERMS, Weights, tasks
+from shaftline.envs import TERMS, Goal, Goals
 from shaftline.envs.rewards import (
     REWARD_TERMS,
     Instant,
     add_terms,
     clear_terms,
     fuel_of_all,
+    goal_value,
+    goals_record,
     reward_of,
-    running_cost,
 )
 from shaftline.plant import load_ship
 from shaftline.plant.fuel import fuel_rate
@@ -32,11 +31,11 @@ SPEED = 10.0  # of the shaft [rad/s]
 LIMIT = 15e3 + 467.0 * (GEAR * SPEED - LOWEST)  # of the brake torque there [N m]
 QUIET = Instant(
     order=8.0, ship_speed=8.0, shaft_speed=SPEED, rack=10.0, drive=10.0, drive_before=10.0,
-    torque_before=2e5, mean_torque=2e5, mean_brake_torque=2e4, attack=3.0, mean_attack=3.0,
-    outside_bucket=0.0, heading_error=0.0,
-    track_error=0.0, rudder_turn=0.0, dt=0.05,
+    mean_torque=2e5, mean_brake_torque=2e4, attack=3.0, mean_attack=3.0, outside_bucket=0.0,
+    pitch_before=1.2, reference_fuel=0.0, heading_error=0.0, track_error=0.0, rudder_turn=0.0,
+    dt=0.05,
 )  # fmt: skip
-"""No term but the fuel's has anything to say."""
+"""An instant in which every term but the fuel flow is 0."""
 
 
 def rack_at(torque: float, shaft_speed: float = SPEED) -> float:
@@ -58,15 +57,13 @@ def terms_of(now: Instant = QUIET, share: float = 1.0, fuel: float = 0.0, **out:
     return {name: float(terms[name]) for name in TERMS if terms[name] != 0.0}
 
 
-def test_a_quiet_instant_costs_nothing() -> None:
+def test_at_the_order_in_a_steady_state_every_term_is_zero() -> None:
     assert terms_of() == {}
 
 
 @pytest.mark.parametrize(("speed", "error"), [(8.5, 0.5), (6.0, 2.0)])
 def test_speed_error_counts_both_ways(speed: float, error: float) -> None:
-    assert terms_of(QUIET._replace(ship_speed=speed), share=0.5) == {
-        "speed_error_m_s": 0.5 * error, "speed_error_squared_m2_s2": 0.5 * error**2,
-    }  # fmt: skip
+    assert terms_of(QUIET._replace(ship_speed=speed), share=0.5) == {"speed_error_m_s": 0.5 * error}
 
 
 def test_fuel_is_that_of_both_engines() -> None:
@@ -102,31 +99,49 @@ def test_overload_is_of_the_rack_not_of_its_command() -> None:
     )
 
 
-@pytest.mark.parametrize("torque", [1.9e5, 2.1e5])
-def test_torque_rate_is_the_change_at_the_gauge_over_a_step(torque: float) -> None:
-    found = terms_of(QUIET._replace(mean_torque=torque), share=0.1, shaft_torque=torque)
-    assert found == pytest.approx({"torque_rate_kN_m_s": 0.1 * 10.0 / 0.05})
+@pytest.mark.parametrize(("fuel", "excess"), [(0.3, 0.2), (0.25, 0.0), (0.2, -0.2), (0.0, -1.0)])
+def test_fuel_excess_is_relative_to_the_reference_and_negative_below_it(
+    fuel: float, excess: float
+) -> None:
+    found = terms_of(QUIET._replace(reference_fuel=0.25), share=0.5, fuel=fuel)
+    assert found.get("fuel_excess", 0.0) == pytest.approx(0.5 * excess)
+    assert found.get("fuel_kg_s", 0.0) == 0.5 * fuel
 
 
 @pytest.mark.parametrize("mean", [1.8e5, 2.2e5])
-def test_torque_swing_is_the_distance_from_the_mean(mean: float) -> None:
+def test_torque_fluctuation_is_a_share_of_the_highest_shaft_torque(mean: float) -> None:
     assert terms_of(QUIET._replace(mean_torque=mean), share=0.25) == pytest.approx(
-        {"torque_swing_kN_m": 0.25 * 20.0}
+        {"torque_fluctuation": 0.25 * 2e4 / (38e3 * GEAR)}
     )
 
 
 @pytest.mark.parametrize("mean", [1.5e4, 2.5e4])
-def test_engine_swing_is_that_of_the_brake_torque(mean: float) -> None:
+def test_engine_fluctuation_is_a_share_of_the_highest_engine_torque(mean: float) -> None:
     assert terms_of(QUIET._replace(mean_brake_torque=mean), share=0.25) == pytest.approx(
-        {"engine_swing_kN_m": 0.25 * 5.0}
+        {"engine_fluctuation": 0.25 * 5e3 / 38e3}
     )
 
 
+def test_an_engine_without_a_highest_torque_has_no_fluctuation_terms() -> None:
+    ship = load_ship("frigate").with_values({"prime_mover.torque_limit_N_m": math.inf})
+    terms = np.zeros(1, REWARD_TERMS)[0]
+    now = QUIET._replace(mean_torque=1e5, mean_brake_torque=1e4)
+    add_terms(terms, ship.record(), outputs(), now, 1.0, 0.0)
+    assert not any(terms)
+
+
 @pytest.mark.parametrize("attack", [1.0, 5.0])
-def test_attack_swing_and_what_lies_outside_the_bucket_are_in_degrees(attack: float) -> None:
+def test_attack_fluctuation_and_angles_outside_the_bucket_are_in_degrees(attack: float) -> None:
     now = QUIET._replace(attack=attack, outside_bucket=0.4)
     assert terms_of(now, share=0.25) == pytest.approx(
-        {"attack_swing_deg": 0.25 * 2.0, "outside_bucket_deg": 0.25 * 0.4}
+        {"attack_fluctuation_deg": 0.25 * 2.0, "outside_bucket_deg": 0.25 * 0.4}
+    )
+
+
+@pytest.mark.parametrize("before", [1.1, 1.3])
+def test_pitch_travel_is_a_sum_not_a_mean(before: float) -> None:
+    assert terms_of(QUIET._replace(pitch_before=before), share=0.1) == pytest.approx(
+        {"pitch_travel": 0.1}
     )
 
 
@@ -166,79 +181,6 @@ def test_steps_add_up_and_are_cleared() -> None:
     assert not any(terms)
 
 
-def test_the_running_cost_is_the_weighted_sum() -> None:
-    weights, terms = np.zeros((2, 1), REWARD_TERMS)[:, 0]
-    for i, name in enumerate(TERMS):
-        weights[name], terms[name] = 10.0**i, i + 1.0
-    assert running_cost(weights, terms) == sum((i + 1.0) * 10.0**i for i in range(len(TERMS)))
-    for name in TERMS:
-        alone = np.zeros(1, REWARD_TERMS)[0]
-        alone[name] = 2.0
-        assert running_cost(weights, alone) == 2.0 * weights[name]
-
-
-@pytest.mark.parametrize(
-    ("cost", "reward"),
-    [(0.0, 0.0), (3.5, -3.5), (4.0, -4.0), (4.5, -4.0), (math.inf, -4.0), (math.nan, -4.0),
-     (-2.0, 0.0)],
-)  # fmt: skip
-def test_an_interval_costs_from_nothing_to_the_tasks_worst(cost: float, reward: float) -> None:
-    assert reward_of(cost, False, 4.0, 600, 17) == reward
-
-
-def test_a_failure_costs_a_worst_episode_and_what_is_left_of_it() -> None:
-    for cost in (0.0, 3.5, 99.0, math.nan):
-        assert reward_of(cost, True, 4.0, 600, 0) == -4.0 * 1200
-        assert reward_of(cost, True, 4.0, 600, 599) == -4.0 * 601
-
-
-@settings(max_examples=300, deadline=None)
-@given(
-    costs=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60),
-    other=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60),
-    worst=st.floats(1e-6, 1e9),
-    data=st.data(),
-)
-def test_no_failure_outscores_any_sequence_of_costs_without_one(
-    costs: list[float], other: list[float], worst: float, data: st.DataObject
-) -> None:
-    """By the worst cost or more, whatever the costs, whenever it fails; and a later one never loses."""
-    n = len(costs)
-
-    def returned(costs: list[float], failing: int | None) -> float:
-        """Return the sum of rewards, added one by one as an agent does."""
-        total = 0.0
-        for k, cost in enumerate(costs):
-            total += reward_of(cost, k == failing, worst, n, k)
-            if k == failing:
-                break
-        return total
-
-    kept = returned(costs, None)
-    failing = data.draw(st.integers(0, n - 1))
-    failed = returned((other * n)[:n], failing)
-    assert failed < kept
-    assert failed <= -worst * n < 0.0
-    assert kept >= -worst * n * (1.0 + 1e-12)
-    if failing + 1 < n:
-        rounding = 1e-12 * worst * n
-        assert returned((other * n)[:n], failing + 1) >= failed - rounding
-
-
-def test_weights_are_costs_and_few_have_a_default() -> None:
-    needed = [name for name, field in Weights.model_fields.items() if field.is_required()]
-    assert needed == list(TERMS[:7])
-    plain = Weights(**dict.fromkeys(needed, 0.0))
-    assert [getattr(plain, name) for name in TERMS[7:]] == 9 * [0.0]
-    with pytest.raises(ValidationError, match="frozen"):
-        plain.overload = 1.0
-    with pytest.raises(ValidationError, match="finite"):
-        Weights(**(dict.fromkeys(needed, 0.0) | {"overload": math.inf}))
-    for name in TERMS:
-        with pytest.raises(ValidationError, match=f"(?s){name}.*greater than or equal to 0"):
-            Weights(**(dict.fromkeys(needed, 0.0) | {name: -1.0}))
-
-
 def test_steering_terms_are_in_degrees_and_metres_and_count_both_ways() -> None:
     for sign in (-1.0, 1.0):
         now = QUIET._replace(
@@ -254,29 +196,123 @@ def test_steering_terms_are_in_degrees_and_metres_and_count_both_ways() -> None:
         )
 
 
-def test_the_page_of_steering_tells_its_weights() -> None:
-    page = (Path(__file__).parents[2] / "docs/steering.md").read_text(encoding="utf-8")
-    (table,) = re.findall(r"\| steered weight \|.*?\n\n", page, re.DOTALL)
-    rows = [line.strip("| ").split(" | ") for line in table.splitlines()[2:-1]]
-    told = {name.strip("`"): [*map(float, row)] for name, *row in rows}
-    weights = [task.weights.model_dump() for task in tasks(steered=True).values()]
-    meant = {n: [w[n] for w in weights] for n in TERMS if any(w[n] for w in weights)}
-    worst = [task.worst_cost for task in tasks(steered=True).values()]
-    assert told == meant | {"worst_cost": worst}
+@pytest.mark.parametrize(
+    ("x", "value"),
+    [
+        (-9.0, 1.0), (0.3, 1.0), (0.3 + 1e-9, 1.0), (0.3 + 2.0 / 3.0, 0.5), (2.3, 0.1),
+        (0.3 + 4.0, 1.0 / 37.0), (0.3 + 2e3, 1.0 / 9000001.0), (1e300, 0.0), (math.inf, 0.0),
+        (math.nan, 0.0), (-math.inf, 1.0),
+    ],
+)  # fmt: skip
+def test_the_value_of_a_goal_is_one_within_and_a_tenth_one_margin_beyond(
+    x: float, value: float
+) -> None:
+    assert goal_value(x, 0.3, 2.0) == pytest.approx(value, abs=1e-12)
 
 
-def test_the_page_tells_every_term_as_it_is_declared() -> None:
-    page = (Path(__file__).parents[2] / "docs/environment.md").read_text(encoding="utf-8")
-    terms, weights, asked = (
-        [line.strip("| ").split(" | ") for line in found.splitlines()[2:-1]]
-        for found in re.findall(r"\| (?:term|weight|task) \|.*?\n\n", page, re.DOTALL)
+def reward(goals: Goals, **terms: float) -> float:
+    """Return the reward of an interval with these terms, the others 0."""
+    record = np.zeros(1, REWARD_TERMS)[0]
+    for name, value in terms.items():
+        record[name] = value
+    return reward_of(goals_record(goals), record)
+
+
+def test_goals_without_weight_multiply() -> None:
+    goals = Goals(
+        speed_error_m_s=Goal(within=0.1, margin=2.0), overload=Goal(within=0.0, margin=0.1)
     )
-    assert {name.strip("`"): meaning.replace("\\|", "|") for name, meaning, _ in terms} == {
-        name: field.description for name, field in Weights.model_fields.items()
-    }
-    assert {name.strip("`"): [*map(float, row)] for name, *row in weights} == {
-        name: [getattr(task.weights, name) for task in tasks().values()] for name in TERMS
-    } | {"worst_cost": [task.worst_cost for task in tasks().values()]}
-    assert {name.strip("`"): (ship, text) for name, ship, text in asked} == {
-        name: (task.vessel, task.description) for name, task in tasks().items()
-    }
+    assert reward(goals) == 1.0
+    assert reward(goals, speed_error_m_s=2.1) == pytest.approx(0.1)
+    assert reward(goals, overload=0.1) == pytest.approx(0.1)
+    assert reward(goals, speed_error_m_s=2.1, overload=0.1) == pytest.approx(0.01)
+    assert reward(goals, speed_error_m_s=math.nan) == 0.0
+    assert reward(goals, fuel_kg_s=9.0, heading_error_deg=90.0) == 1.0  # terms without a goal
+
+
+def test_goals_with_weights_share_and_are_scaled_by_the_factors() -> None:
+    goals = Goals(
+        speed_error_m_s=Goal(within=0.0, margin=1.0),
+        cavitation=Goal(within=0.0, margin=0.5, weight=0.5),
+        fuel_excess=Goal(within=-0.2, margin=0.4, weight=0.3),
+    )
+    assert reward(goals, fuel_excess=-0.3) == 1.0
+    assert reward(goals, fuel_excess=0.2) == pytest.approx(1.0 - 0.3 * 0.9)
+    assert reward(goals, fuel_excess=-0.3, cavitation=0.5) == pytest.approx(1.0 - 0.5 * 0.9)
+    both = 1.0 - 0.8 * 0.9
+    assert reward(goals, fuel_excess=0.2, cavitation=0.5) == pytest.approx(both)
+    assert reward(goals, fuel_excess=0.2, cavitation=0.5, speed_error_m_s=1.0) == pytest.approx(
+        0.1 * both
+    )
+    assert reward(goals, fuel_excess=math.nan, cavitation=math.inf) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_every_term_may_be_a_goal_of_either_kind(name: str) -> None:
+    factor = Goals.model_validate({name: {"within": 1.0, "margin": 0.5}})
+    share = Goals.model_validate({name: {"within": 1.0, "margin": 0.5, "weight": 1.0}})
+    for goals in (factor, share):
+        assert list(goals.used) == [name]
+        assert reward(goals, **{name: 1.0}) == 1.0
+        assert reward(goals, **{name: 1.5}) == pytest.approx(0.1)
+        others = dict.fromkeys(set(TERMS) - {name}, 99.0)
+        assert reward(goals, **others) == 1.0
+
+
+NUMBER = st.floats(allow_nan=True, allow_infinity=True)
+GOAL = st.builds(
+    lambda within, margin, weight: {"within": within, "margin": margin, "weight": weight},
+    st.floats(-1e3, 1e3), st.floats(1e-9, 1e9), st.none() | st.floats(1e-6, 1.0 / len(TERMS)),
+)  # fmt: skip
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    goals=st.dictionaries(st.sampled_from(TERMS), GOAL, min_size=1),
+    values=st.lists(NUMBER, min_size=len(TERMS), max_size=len(TERMS)),
+)
+def test_a_reward_lies_between_zero_and_one_and_falls_with_every_term(
+    goals: dict[str, Any], values: list[float]
+) -> None:
+    chosen, terms = Goals.model_validate(goals), dict(zip(TERMS, values, strict=True))
+    found = reward(chosen, **terms)
+    assert 0.0 <= found <= 1.0
+    for name in goals:
+        assert reward(chosen, **terms | {name: math.inf}) <= found
+        assert reward(chosen, **terms | {name: math.nan}) <= found
+        assert reward(chosen, **terms | {name: -1e3}) >= found
+
+
+@pytest.mark.parametrize(
+    ("goals", "words"),
+    [
+        ({}, "at least one goal is needed"),
+        ({"overload": None}, "at least one goal is needed"),
+        (
+            {
+                "overload": {"within": 0.0, "margin": 1.0, "weight": 0.6},
+                "cavitation": {"within": 0.0, "margin": 1.0, "weight": 0.5},
+            },
+            r"the weights of the goals add up to 1\.1; at most 1 is allowed",
+        ),
+        ({"overload": {"within": 0.0, "margin": 0.0}}, "(?s)overload.margin.*greater than 0"),
+        ({"overload": {"within": 0.0, "margin": -1.0}}, "(?s)overload.margin.*greater than 0"),
+        ({"overload": {"within": 0.0, "margin": math.inf}}, "(?s)overload.margin.*finite"),
+        ({"overload": {"within": math.nan, "margin": 1.0}}, "(?s)overload.within.*finite"),
+        ({"overload": {"within": 0.0}}, "(?s)overload.margin.*required"),
+        ({"overload": {"within": 0.0, "margin": 1.0, "weight": 0.0}}, "(?s)weight.*greater than 0"),
+        ({"overload": {"within": 0.0, "margin": 1.0, "weight": 1.1}}, "(?s)weight.*equal to 1"),
+        ({"fog": {"within": 0.0, "margin": 1.0}}, "(?s)fog.*not permitted"),
+    ],
+)
+def test_goals_that_make_no_reward_are_refused(goals: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        Goals.model_validate(goals)
+
+
+def test_weights_may_add_up_to_one_and_goals_are_frozen() -> None:
+    third = {"within": 0.0, "margin": 1.0, "weight": 1.0 / 3.0}
+    goals = Goals.model_validate(dict.fromkeys(TERMS[:3], third))
+    assert reward(goals, **dict.fromkeys(TERMS[:3], math.inf)) == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(ValidationError, match="frozen"):
+        goals.overload = None

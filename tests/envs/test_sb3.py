@@ -19,7 +19,7 @@ from shaftline.observers import observer_names
 def test_checker_has_nothing_to_say(observer: str, task: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(FrigateEnv(task=task, observer=observer, episode_s=4.0))
+        check_env(FrigateEnv(task=task, observer=observer, max_episode_steps=8))
 
 
 @pytest.mark.parametrize("algorithm", [PPO, SAC])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.envs import DEFAULTS, FrigateEnv, FrigateVectorEnv, Settings, get_task
+from shaftline.envs import CLASSIC, DEFAULTS, FrigateEnv, FrigateVectorEnv, Settings, get_task
 from shaftline.envs.options import OPTIONS, Begin
 from shaftline.envs.settings import check_randomise, noise_of, seas_of
 from shaftline.plant import Sea, get_sea, load_ship
@@ -20,11 +20,12 @@ SPEEDS = (4.0, 10.0)
 PAGE = (Path(__file__).parents[2] / "docs/environment.md").read_text(encoding="utf-8")
 
 
-def test_defaults_stand_here_once() -> None:
+def test_defaults() -> None:
     assert DEFAULTS.model_dump() == {
         "ship": None, "task": "speed-keeping", "observer": "random-walk-kalman",
         "tuning": None, "sea": None, "sensor_noise": 1.0, "control_interval_s": 0.5,
-        "episode_s": 300.0, "randomise": None, "normalised": False, "action_mode": "rack",
+        "max_episode_steps": 600, "randomise": None, "normalised": True,
+        "action_mode": "increment", "command": None,
     }  # fmt: skip
     assert FrigateEnv().batch.settings == FrigateVectorEnv(2).batch.settings == DEFAULTS
 
@@ -50,16 +51,22 @@ def test_the_page_tells_every_keyword_and_option() -> None:
     ("keywords", "words"),
     [
         ({"fog": 1}, "unknown keyword 'fog'; known: ship, task, observer"),
-        ({"action_mode": "sail"}, "unknown action_mode 'sail'; known: rack, shaft-speed"),
-        ({"episode_s": 0.2}, r"episode_s = 0\.2 s is shorter than a control interval of 0\.5 s"),
-        ({"episode_s": 0.0}, r"episode_s = 0\.0 s: must be a number of seconds above 0"),
-        ({"episode_s": math.inf}, "episode_s = inf s: must be .* above 0 and finite"),
-        ({"episode_s": math.nan}, "episode_s = nan"),
+        ({"action_mode": "sail"}, "unknown action_mode 'sail'; known: increment, absolute, residual, and"),
+        ({"action_mode": "increment:combinator"}, "unknown action_mode 'increment:combinator'"),
+        ({"action_mode": "shaft-speed"}, "unknown action_mode 'shaft-speed'"),
+        ({"action_mode": "residual", "command": "shaft-speed"},
+         "command = 'shaft-speed': a residual is added to the fuel rack .*limited-rack or fuel-rack"),
+        ({"command": "rack"}, "unknown command 'rack'; known: shaft-speed, limited-rack, fuel-rack"),
+        ({"max_episode_steps": 0}, "max_episode_steps = 0: must be a whole number .* from 1 to"),
+        ({"max_episode_steps": -1}, "max_episode_steps = -1: must be a whole number"),
+        ({"max_episode_steps": 10_000_001}, "max_episode_steps = 10000001: .*10 000 000, or None"),
+        ({"max_episode_steps": 9.5}, "max_episode_steps = 9.5: must be a whole number"),
+        ({"max_episode_steps": True}, "max_episode_steps = True: must be a whole number"),
+        ({"max_episode_steps": "300"}, "max_episode_steps = '300': must be a whole number"),
+        ({"episode_s": 300.0}, "unknown keyword 'episode_s'"),
         ({"control_interval_s": 0.0}, r"control_interval_s = 0\.0 s: must be .* above 0"),
-        ({"control_interval_s": -0.5, "episode_s": -9.0}, "control_interval_s = -0.5"),
-        ({"control_interval_s": 1e-320}, "an episode has at most 1e"),
-        ({"episode_s": True}, "episode_s = True s: must be a number of seconds"),
-        ({"episode_s": "300"}, "episode_s = '300' s: must be a number of seconds"),
+        ({"control_interval_s": -0.5}, r"control_interval_s = -0\.5 s: must be .* above 0"),
+        ({"control_interval_s": math.inf}, "control_interval_s = inf s: must be .* finite"),
         ({"normalised": "no"}, "normalised = 'no': must be True or False"),
         ({"normalised": 1}, "normalised = 1: must be True or False"),
         ({"normalised": None}, "normalised = None: must be True or False"),
@@ -69,7 +76,7 @@ def test_the_page_tells_every_keyword_and_option() -> None:
         ({"sensor_noise": None}, "sensor_noise = None: must be 0 or more"),
         ({"randomise": 0.1}, "randomise = 0.1: must map keys of the ship's file to half widths"),
         ({"randomise": {"hull.mass_kg": "much"}}, "'hull.mass_kg'. = 'much': must be a half width"),
-        ({"action_mode": None}, "unknown action_mode None; known: rack, shaft-speed"),
+        ({"action_mode": None}, "action_mode = None: must be one of increment, absolute, residual"),
     ],
 )
 def test_keywords_out_of_range_are_named(keywords: dict[str, Any], words: str) -> None:
@@ -77,9 +84,28 @@ def test_keywords_out_of_range_are_named(keywords: dict[str, Any], words: str) -
         Settings.of(keywords)
 
 
-@pytest.mark.parametrize(("episode_s", "intervals"), [(0.5, 1), (0.26, 1), (4.0, 8), (300.0, 600)])
-def test_an_episode_is_whole_intervals(episode_s: float, intervals: int) -> None:
-    assert Settings.of({"episode_s": episode_s}).intervals == intervals
+def test_the_second_action_commands_what_the_task_says_unless_chosen() -> None:
+    transit, rough = get_task("transit"), get_task("rough-sea")
+    assert Settings().command_in(transit) == transit.command == "shaft-speed"
+    assert Settings(command="fuel-rack").command_in(rough) == "fuel-rack"
+    assert {Settings().command_in(rough), rough.command} == {"limited-rack"}
+    for task in (transit, rough):
+        assert Settings(action_mode="residual").command_in(task) == "limited-rack"
+        chosen = Settings(action_mode="residual", command="fuel-rack")
+        assert chosen.command_in(task) == "fuel-rack"
+
+
+def test_a_residual_names_its_base_controller() -> None:
+    assert Settings(action_mode="residual").base_controller == "speed-pilot"
+    named = Settings(action_mode="residual:combinator:trim_s=20")
+    assert named.base_controller == "combinator:trim_s=20"
+    assert Settings().base_controller is Settings(action_mode="absolute").base_controller is None
+    with pytest.raises(ValueError, match="unknown controller 'nobody'; known: combinator"):
+        FrigateEnv(action_mode="residual:nobody")
+
+
+def test_classic_keywords_give_units_and_commands_as_actions() -> None:
+    assert CLASSIC == {"normalised": False, "action_mode": "absolute", "command": "fuel-rack"}
 
 
 def test_an_interval_is_whole_plant_steps() -> None:
@@ -206,7 +232,7 @@ def test_factors_may_reach_the_ends_of_a_range_and_stand_at_negative_numbers() -
 def test_no_options_leave_all_to_the_task() -> None:
     nothing: list[dict[str, Any] | None] = [None, {}]
     for options in nothing:
-        assert Begin.of(options, TRANSIT, SPEEDS) == Begin(None, None, 1e4, None, None)
+        assert Begin.of(options, TRANSIT, SPEEDS) == Begin(None, None, TRANSIT.order_interval_s, None, None)
 
 
 def test_options_become_what_an_episode_begins_with() -> None:

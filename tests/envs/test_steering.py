@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 from shaftline.baselines import make_steering
 from shaftline.baselines.steering import OBSERVED_STEERED
-from shaftline.envs import FrigateEnv, SteeringEnv, SteeringVectorEnv
+from shaftline.envs import CLASSIC, FrigateEnv, SteeringEnv, SteeringVectorEnv
 from shaftline.envs.batch import DRIFT_ARM, pushed
 from shaftline.envs.kernel import DRIFT_SWING, shorter_way
 from shaftline.envs.tasks import get_task, tasks
@@ -28,7 +28,7 @@ SEEN = {name: k for k, name in enumerate(OBSERVED_STEERED)}
 
 def test_registered_and_sound() -> None:
     env: Any = gymnasium.make("shaftline/Steering-v0")
-    assert env.observation_space.shape == (14,)
+    assert env.observation_space.shape == (21,)
     assert env.action_space.shape == (3,)
     check_env(env.unwrapped, skip_render_check=True)
     assert env.unwrapped.batch.ship.name == "frigate-turning"
@@ -46,7 +46,7 @@ def test_the_ship_of_the_tasks_keeps_imo_s_limits_and_her_course() -> None:
 
 def test_the_rudder_turns_her_to_its_side() -> None:
     for side in (-1.0, 1.0):
-        env = SteeringEnv(sensor_noise=0.0)
+        env = SteeringEnv(sensor_noise=0.0, **CLASSIC)
         first, _ = env.reset(seed=1, options=CALM)
         held = env.batch.environments[0]["episode"]
         pitch, rack = float(held["pitch_command"]), float(held["drive"])
@@ -70,7 +70,7 @@ def test_the_rudder_turns_her_to_its_side() -> None:
 
 
 def test_orders_current_and_side_force_are_those_asked_for() -> None:
-    env = SteeringEnv(sensor_noise=0.0)
+    env = SteeringEnv(sensor_noise=0.0, normalised=False)
     options = CALM | {
         "heading_order_deg": (10.0, -20.0),
         "track_order_m": 50.0,
@@ -100,7 +100,7 @@ def test_orders_current_and_side_force_are_those_asked_for() -> None:
 
 def test_the_side_force_accelerates_her_as_newton_says() -> None:
     """A ship at rest across, just let go: (m - Y_vdot ...) dv/dt = F, with its moment in yaw."""
-    env = SteeringEnv(sensor_noise=0.0, control_interval_s=0.05, episode_s=10.0)
+    env = SteeringEnv(sensor_noise=0.0, control_interval_s=0.05)
     env.reset(seed=1, options=CALM | {"drift_force_kN": 50.0})
     state = env.batch.arrays.states
     env.step(np.zeros(3, np.float32))
@@ -144,7 +144,7 @@ def test_batched_as_one_by_one() -> None:
     ],
 )
 def test_helmsmen_keep_what_they_are_ordered(task: str, text: str) -> None:
-    env = SteeringVectorEnv(4, task=f"{task}:held-out", episode_s=140.0)
+    env = SteeringVectorEnv(4, task=f"{task}:held-out", max_episode_steps=280, **CLASSIC)
     controller = make_steering(text, env.batch.ship, 0.5)
     observation, _ = env.reset(seed=2)
     state, starting = None, np.ones(4, bool)

@@ -36,7 +36,7 @@ def test_held_out_is_the_same_task_in_other_seas_and_resistances(name: str) -> N
     assert all(seas_of(list(seas), task) for seas in (task.seas, held.seas))
 
 
-SAILED = ("rough-sea", "calm-machinery", "acceleration", "flank", "silent")
+AT_SEA = ("rough-sea", "calm-machinery", "acceleration", "flank", "silent")
 
 
 def _ends(sea: Any) -> dict[str, tuple[float, float]]:
@@ -60,7 +60,7 @@ def test_each_held_out_sea_lies_outside_the_training_s_in_something(name: str) -
         )
 
 
-@pytest.mark.parametrize("name", SAILED)
+@pytest.mark.parametrize("name", AT_SEA)
 def test_tasks_name_their_ship(name: str) -> None:
     assert get_task(name).vessel == "frigate-at-sea"
     assert FrigateEnv(task=name).batch.ship == load_ship("frigate-at-sea")
@@ -117,7 +117,9 @@ def fields(**changes: Any) -> dict[str, Any]:
         ({"drift_force_kN": (0.0, 1e9)}, "drift_force_kN = .*must lie within"),
         ({"held_out": {"seas": ["calm"], "resistance_rise": (-2.0, 1.0), "resistance_swing": 0.1}},
          "held_out: resistance_rise = .*must lie within"),
-        ({"weights": {}}, "weights.fuel_kg_s"),
+        ({"goals": {}}, "goals: .*at least one goal is needed"),
+        ({"weights": {}}, "weights"),
+        ({"command": "lever"}, "command"),
         ({"held_out": {"seas": ["calm"], "resistance_rise": (1.0, 0.0), "resistance_swing": 0.1}},
          "held_out.resistance_rise"),
     ],

@@ -1,4 +1,4 @@
-"""The vector form: infos, options, seeds, and what is handed out."""
+"""The vector environment: infos, options, seeds, and that what it returns stays as it is."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .plans import SHORT, actions
 NAME = "shaftline.envs:shaftline/Frigate-v0"
 
 
-def test_infos_of_the_vector_form_are_columns() -> None:
+def test_infos_of_the_vector_environment_are_columns_with_masks() -> None:
     vector, singles = FrigateVectorEnv(3, **SHORT), [FrigateEnv(**SHORT) for _ in range(3)]
     vector.reset(seed=7)
     for i, env in enumerate(singles):
@@ -29,16 +29,23 @@ def test_infos_of_the_vector_form_are_columns() -> None:
     for plan in actions(3, 3):
         info = vector.step(plan)[4]
         alone = [env.step(one)[4] for env, one in zip(singles, plan, strict=True)]
-        assert set(info) == {*TRUTHS, "reward_terms"}
+        names = {*TRUTHS, "reward_terms"}
+        assert set(info) == names | {f"_{name}" for name in names}
+        assert set(info["reward_terms"]) == {*TERMS, *(f"_{name}" for name in TERMS)}
+        for mask in (info["_ship_speed"], info["_reward_terms"], info["reward_terms"]["_overload"]):
+            assert mask.tolist() == [True] * 3
         for name in TRUTHS:
             assert info[name].tolist() == [one[name] for one in alone]
         for term in TERMS:
             assert info["reward_terms"][term].tolist() == [o["reward_terms"][term] for o in alone]
 
 
-def test_the_vector_form_says_which_ended_how_and_what_was_last_seen() -> None:
+def test_the_last_interval_of_an_episode_is_told_in_final_info() -> None:
     limit = 1000.0 * math.pi / 30.0 / 7.38
-    env = FrigateVectorEnv(4, control_interval_s=0.05, episode_s=0.2, sea="calm")
+    env = FrigateVectorEnv(
+        4, control_interval_s=0.05, max_episode_steps=4, sea="calm", command="fuel-rack",
+        normalised=False,
+    )  # fmt: skip
     env.reset(seed=1)
     for _ in range(3):
         info = env.step(np.zeros((4, 2)))[4]
@@ -48,29 +55,39 @@ def test_the_vector_form_says_which_ended_how_and_what_was_last_seen() -> None:
     seen, reward, terminated, truncated, info = env.step(np.zeros((4, 2)))
     assert terminated.tolist() == [True, True, False, False]
     assert truncated.tolist() == [True, True, True, False]
-    assert info["ended"].tolist() == ["stalled", "overspeed trip", None, None]
-    assert info["_ended"].tolist() == terminated.tolist()
     assert info["_final_obs"].tolist() == info["_final_info"].tolist() == [True, True, True, False]
     last = info["final_info"]
-    for name in (*TRUTHS, "ended", "_ended"):
-        assert np.array_equal(last[name], info[name]), name
-    worst = env.batch.task.worst_cost
-    assert reward[:2].tolist() == [-worst * (2 * 4 - 3)] * 2
-    assert (reward[2:] > -worst).all()
+    assert last["ended"].tolist() == ["stalled", "overspeed trip", None, None]
+    assert last["_ended"].tolist() == terminated.tolist()
+    assert "ended" not in info
+    for name in (*TRUTHS, "reward_terms"):
+        assert last["_" + name].tolist() == [True, True, True, False]
+        assert info["_" + name].tolist() == [True] * 4
+    for name in TERMS:
+        assert last["reward_terms"]["_" + name].tolist() == [True, True, True, False]
+        # the next episodes have not had an interval yet
+        assert info["reward_terms"][name][:3].tolist() == [0.0] * 3
+    assert info["reward_terms"]["fuel_kg_s"][3] > 0.0
+    assert (last["reward_terms"]["speed_error_m_s"][:3] > 0.0).all()
+    assert reward[:2].tolist() == [0.0, 0.0]
+    assert (reward[2:] > 0.0).all()
+    states = env.batch.arrays.states
+    for name in ("ship_speed", "shaft_speed"):
+        assert info[name][:3].tolist() == states[name][:3].tolist()
     for i in range(3):
-        assert info["final_obs"][i][1] == pytest.approx(info["shaft_speed"][i], abs=0.1)
+        assert info["final_obs"][i][1] == pytest.approx(last["shaft_speed"][i], abs=0.1)
         assert not np.array_equal(info["final_obs"][i], seen[i])
     assert info["final_obs"][3] is None
     assert env.batch.elapsed.tolist() == [0, 0, 0, 1]
     assert seen[0, 1] > 5.0  # another episode has begun
-    # what was handed out stays as it was
+    # returned arrays stay as they were
     kept = last["shaft_speed"].copy()
     env.step(np.zeros((4, 2)))
     assert np.array_equal(last["shaft_speed"], kept)
 
 
 def test_options_hold_until_the_next_reset() -> None:
-    vector = FrigateVectorEnv(2, episode_s=1.0, task="transit")
+    vector = FrigateVectorEnv(2, max_episode_steps=2, task="transit", normalised=False)
     vector.reset(seed=0, options={"speed_order_m_s": 6.0, "sea": "calm"})
     for _ in range(3):
         seen = vector.step(np.zeros((2, 2)))[0]
@@ -93,7 +110,7 @@ def test_one_seed_for_each_environment() -> None:
         vector.reset(seed=[1, 2])
 
 
-def test_what_is_handed_out_is_not_changed_later() -> None:
+def test_returned_arrays_are_not_changed_later() -> None:
     env, vector = FrigateEnv(**SHORT), FrigateVectorEnv(2, **SHORT)
     for one, action in ((env, np.zeros(2)), (vector, np.zeros((2, 2)))):
         first, _ = one.reset(seed=0)  # type: ignore[attr-defined]
@@ -106,7 +123,7 @@ def test_what_is_handed_out_is_not_changed_later() -> None:
         assert np.array_equal(reward, held[1])
 
 
-def test_torch_takes_observations_as_they_lie_and_gives_actions() -> None:
+def test_torch_shares_the_memory_of_observations_and_gives_actions() -> None:
     torch = pytest.importorskip("torch")
     vector, other = (FrigateVectorEnv(2, **SHORT) for _ in range(2))
     for one in (vector, other):
@@ -134,7 +151,7 @@ def test_a_picture_is_drawn_where_it_is_asked_for() -> None:
     assert FrigateVectorEnv(2, render_mode=None).num_envs == 2  # Gymnasium hands it on
 
 
-def test_closing_lets_the_threads_go() -> None:
+def test_closing_ends_the_threads() -> None:
     env = FrigateVectorEnv(4, threads=2, **SHORT)
     env.reset(seed=0)
     before = threading.active_count()
@@ -159,7 +176,7 @@ def test_importing_registers_once() -> None:
 
 def test_a_video_can_be_recorded(tmp_path: Path) -> None:
     env: Any = RecordVideo(
-        FrigateEnv(render_mode="rgb_array", episode_s=2.0),
+        FrigateEnv(render_mode="rgb_array", max_episode_steps=4),
         str(tmp_path / "videos"),
         disable_logger=True,
     )

@@ -1,0 +1,111 @@
+"""Base controllers of the action mode ``residual``: classic commands to which an action is added.
+
+Residual policy learning (Silver et al. 2018; Johannink et al. 2019). An action of 1 adds
+:data:`REACH` of the range of a command to the command of the base controller:
+
+    command = base command + REACH (highest - lowest) action
+
+so an action of zero runs the ship as the base controller does.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..baselines.controller import OBSERVED, Predictor
+from ..baselines.registry import make_controller, make_steering
+from ..baselines.steering import OBSERVED_STEERED
+from ..plant import Ship
+from .records import BASE_COMMANDS, OBSERVATION
+
+REACH = 0.25
+"""Share of the range of a command that an action of 1 adds [-]."""
+
+_NAMES: tuple[str, ...] = OBSERVATION.names or ()
+_FIRST_BASE_COMMAND = _NAMES.index(BASE_COMMANDS[0])
+
+
+class BaseController:
+    """A classic controller that follows the environments of a batch.
+
+    Args:
+        text: name and options, as :func:`shaftline.baselines.make_controller` takes them; of a steered
+            ship as :func:`shaftline.baselines.make_steering` does.
+        ship: of the batch.
+        interval_s: control interval [s].
+        n: environments.
+        steered: whether the rudder is an action.
+
+    Raises:
+        ControllerError: unknown name or option.
+    """
+
+    def __init__(self, text: str, ship: Ship, interval_s: float, n: int, steered: bool) -> None:
+        if steered and "+" not in text:
+            text = f"autopilot+{text}"
+        self._controller: Predictor = (
+            make_steering(text, ship, interval_s)
+            if steered
+            else make_controller(text, ship, interval_s)
+        )
+        self._inputs = len(OBSERVED_STEERED if steered else OBSERVED)
+        self._memory: Any = None
+        self._action = np.zeros((n, 3 if steered else 2), np.float32)
+        plant = ship.record()
+        low = [plant["pitch_ratio_min"], plant["drive_min"], -plant["rudder_max"]]
+        high = [plant["pitch_ratio_max"], plant["drive_max"], plant["rudder_max"]]
+        columns = slice(self._action.shape[1])
+        self._low, self._span = np.array(low)[columns], np.subtract(high, low)[columns]
+
+    def begin(self, signals: NDArray[np.float32], which: NDArray[np.int64]) -> None:
+        """Begin episodes: compute the first base commands of some environments.
+
+        Args:
+            signals: of all environments, shape (n, k); the base commands are written into it.
+            which: environments that begin, shape (m,).
+        """
+        seen = signals[which, : self._inputs]
+        self._action[which], memory = self._controller.predict(
+            seen, None, np.ones(len(which), dtype=bool)
+        )
+        if self._memory is None:
+            n = len(self._action)
+            self._memory = _mapped(lambda part: np.zeros((n, *part.shape[1:]), part.dtype), memory)
+        _assign(self._memory, which, memory)
+        self._show(signals)
+
+    def follow(self, signals: NDArray[np.float32]) -> None:
+        """Compute the base commands of all environments after a control interval."""
+        seen = signals[:, : self._inputs].copy()
+        self._action[:], self._memory = self._controller.predict(
+            seen, self._memory, np.zeros(len(seen), dtype=bool)
+        )
+        self._show(signals)
+
+    def add(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the base commands with an action added, as absolute actions in [-1, 1]."""
+        return np.clip(self._action + 2.0 * REACH * action, -1.0, 1.0).astype(np.float32)
+
+    def _show(self, signals: NDArray[np.float32]) -> None:
+        """Write the base commands in physical units into the signals."""
+        columns = slice(_FIRST_BASE_COMMAND, _FIRST_BASE_COMMAND + self._action.shape[1])
+        signals[:, columns] = self._low + 0.5 * (self._action + 1.0) * self._span
+
+
+def _mapped(function: Any, tree: Any) -> Any:
+    """Return a controller's memory with a function applied to each of its arrays."""
+    if isinstance(tree, tuple):
+        return tuple(_mapped(function, part) for part in tree)
+    return function(np.asarray(tree))
+
+
+def _assign(tree: Any, which: NDArray[np.int64], values: Any) -> None:
+    """Write rows of a controller's memory, in place."""
+    if isinstance(tree, tuple):
+        for part, new in zip(tree, values, strict=True):
+            _assign(part, which, new)
+    else:
+        tree[which] = values
