@@ -40,7 +40,8 @@ class Begin:
         seas: to draw from; None leaves them to the environment.
         orders: ordered ship speeds [m/s], one an order interval, the last held; None draws them.
         order_interval_s: [s].
-        initial_speed_m_s: ship speed [m/s] at which the episode begins; the first order by default.
+        initial_speed_m_s: ship speed [m/s] at which the episode begins; by default the first of given
+            orders, else drawn.
         resistance_rise: of the mean resistance [-]; None draws it.
         heading_orders: [rad], one an order interval, the last held; None draws them.
         track_orders: cross tracks [m], likewise.

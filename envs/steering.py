@@ -15,8 +15,9 @@ class SteeringEnv(FrigateEnv):
     Everything is as in :class:`FrigateEnv`, and besides:
 
     ## Observation
-    ``Box(14,)``: the eight, and ordered heading [rad], heading [rad], rate of turn [rad/s], rudder angle
-    [rad], ordered cross track [m], cross track [m], all to starboard of the first course.
+    ``Box(21,)``: behind the eight measured signals stand ordered heading [rad], heading [rad], rate of
+    turn [rad/s], rudder angle [rad], ordered cross track [m] and cross track [m], all to starboard of
+    the first course.
 
     ## Action
     ``Box(3,)``: the two, and the rudder command over the end stops, positive to starboard.

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from shaftline.envs import FrigateVectorEnv, Sb3Frigates
+from shaftline.envs import CLASSIC, FrigateVectorEnv, Sb3Frigates
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -35,14 +35,14 @@ def test_every_example_is_told_of() -> None:
 
 
 def test_ppo_in_one_file_learns(capsys: pytest.CaptureFixture[str]) -> None:
-    """From about -1100 a return of random commands; a fifth of the example's steps."""
+    """A fifth of the example's steps raise the mean return of the untrained policy by half or more."""
     pytest.importorskip("torch")
     module = loaded("ppo_single_file")
     s = module.Settings(steps=200_000, seed=3)
     agent, returns = module.train(s)
     first, last = np.mean(returns[:30]), np.mean(returns[-30:])
-    assert last > 0.75 * first, (first, last)  # both are negative
-    assert module.judged(agent, s, episodes=8) > 0.75 * first
+    assert last > 1.5 * first > 0.0, (first, last)
+    assert module.judged(agent, s, episodes=8) > 1.5 * first
     assert "steps" in capsys.readouterr().out
 
 
@@ -64,9 +64,9 @@ def test_hyperparameters_for_rl_zoo_are_ppos() -> None:
     )  # fmt: skip
 
 
-def test_an_own_controller_sails() -> None:
+def test_an_own_controller_runs() -> None:
     made = loaded("own_controller").Steady("frigate", 0.5)
-    env = FrigateVectorEnv(3, task="transit", episode_s=20.0)
+    env = FrigateVectorEnv(3, task="transit", max_episode_steps=40, **CLASSIC)
     seen, _ = env.reset(seed=1)
     memory, done = None, np.zeros(3, dtype=bool)
     while not done.any():

@@ -25,16 +25,16 @@ SAC: dict[str, Any] = {
 
 
 def recipe(algorithm: str = "ppo", **changes: Any) -> Recipe:
-    """Two legs of 64 steps in four environments."""
+    """Return a recipe of two legs of 64 steps in four environments."""
     fields: dict[str, Any] = {
         "algorithm": algorithm, "task": "transit", "n_envs": 4, "n_timesteps": 128, "legs": 2,
-        "env_kwargs": {"episode_s": 10.0}, "hyperparameters": PPO if algorithm == "ppo" else SAC,
+        "env_kwargs": {"max_episode_steps": 20}, "hyperparameters": PPO if algorithm == "ppo" else SAC,
     }  # fmt: skip
     return Recipe.model_validate(fields | changes)
 
 
 def plain_policy(task: str = "transit", form: Form | None = None) -> Policy:
-    """One that says nothing."""
+    """Return a policy whose answers are 0."""
     form = form or Form()
     n, answers = len(form.features), len(ANSWERS)
     network = Network(

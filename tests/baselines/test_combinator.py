@@ -12,7 +12,7 @@ from shaftline.baselines.combinator import (
 )
 from shaftline.baselines.governor import Governor
 from shaftline.baselines.steady_points import steady_point
-from shaftline.envs import FrigateVectorEnv
+from shaftline.envs import CLASSIC, FrigateVectorEnv
 from shaftline.plant import Ship, ShipError, load_ship
 
 from .voyage import sail, with_blades_from
@@ -162,7 +162,9 @@ def test_a_trimmed_lever_brings_the_log_to_the_order() -> None:
     """In a heavier sea the plain one stays slower than ordered; the watch's trim makes it good."""
     errors = {}
     for trim_s in (0.0, 30.0):
-        env = FrigateVectorEnv(2, task="transit", sea="calm", sensor_noise=0.0, episode_s=400.0)
+        env = FrigateVectorEnv(
+            2, task="transit", sea="calm", sensor_noise=0.0, max_episode_steps=800, **CLASSIC
+        )
         lever = Combinator("frigate", trim_s=trim_s)
         options = {"speed_order_m_s": 7.5, "resistance_rise": 0.3}
         (seen, _), state = env.reset(seed=1, options=options), None

@@ -6,12 +6,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.baselines.governor import Governor, govern, highest_rack, tune
+from shaftline.baselines.governor import (
+    Governor,
+    govern,
+    highest_rack,
+    limited_rack,
+    limiter_slope,
+    rack_limits,
+    tune,
+)
 from shaftline.baselines.steady_points import steady_point
+from shaftline.envs.batch import LIMITER_RESPONSE_S
 from shaftline.plant import Ship, ShipError, equilibrium, load_ship
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
 from shaftline.plant.dynamics import evaluate
 from shaftline.plant.memory import MEMORY
+from shaftline.plant.shaft import shaft_inertia
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, prepare, step
 from shaftline.plant.waves import calm
@@ -205,3 +215,56 @@ def test_bad_input_is_named() -> None:
     for interval, response in ((0.0, 2.0), (0.5, 0.0)):
         with pytest.raises(ValueError, match="must be positive"):
             tune(SHIPS[0], interval, response)
+
+
+LOWEST, HIGHEST = (rpm * math.pi / 30.0 / 7.38 for rpm in (350.0, 1000.0))
+"""Shaft speeds of the frigate's engine [rad/s]."""
+
+
+def test_the_slope_of_the_rack_limits_takes_a_speed_error_back_in_the_response_time() -> None:
+    """0.8 J_total dn / T over the shaft torque of one mm of rack, both engines."""
+    plant = load_ship("frigate").record()
+    per_mm = plant["torque_per_rack"] * plant["gear_ratio"] * plant["transmission_efficiency"]
+    for response in (0.25, 0.5):
+        expected = 0.8 * shaft_inertia(plant) / (response * per_mm)
+        assert limiter_slope(plant, response) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("speed", "low", "high"),
+    [
+        # at the lowest speed the rack of no torque; below it 10 mm more for each rad/s
+        (LOWEST, 6.334, 16.834), (LOWEST - 0.1, 7.334, None), (LOWEST + 0.3, 3.334, None),
+        (LOWEST + 0.7, 0.0, None), (8.0, 0.0, None),
+        # the torque limiter to the highest speed, then 10 mm less for each rad/s
+        (HIGHEST, 0.0, 35.11), (HIGHEST + 0.5, 0.0, None), (HIGHEST + 6.0, 0.0, 0.0),
+    ],
+)  # fmt: skip
+def test_rack_limits_keep_the_engine_above_idle_below_its_envelope_and_its_highest_speed(
+    speed: float, low: float, high: float | None
+) -> None:
+    plant = load_ship("frigate").record()
+    least, most = rack_limits(plant, speed, 10.0)
+    beyond = max(speed - HIGHEST, 0.0)
+    assert most == pytest.approx(max(highest_rack(plant, speed) - 10.0 * beyond, 0.0))
+    assert least == pytest.approx(low, abs=2e-3)
+    if high is not None:
+        assert most == pytest.approx(high, abs=0.02)
+    for asked in (-5.0, 0.0, least, 0.5 * (least + most), most, 40.0):
+        kept = limited_rack(plant, asked, speed, 10.0)
+        assert kept == min(max(asked, least), most)
+    assert limited_rack(plant, 12.3, math.nan, 10.0) == 12.3
+
+
+def test_the_torque_limit_stands_above_the_idle_limit() -> None:
+    plant = load_ship("frigate").record()
+    least, most = rack_limits(plant, 0.3 * LOWEST, 30.0)
+    assert least == most == pytest.approx(highest_rack(plant, 0.3 * LOWEST))
+
+
+@pytest.mark.parametrize("name", ["frigate", "frigate-at-sea", "frigate-turning"])
+def test_the_fuel_is_cut_before_the_engine_trips(name: str) -> None:
+    plant = load_ship(name).record()
+    trip = 1.149 * plant["engine_speed_max"] / plant["gear_ratio"]
+    _, most = rack_limits(plant, trip, limiter_slope(plant, LIMITER_RESPONSE_S))
+    assert most == 0.0

@@ -11,7 +11,7 @@ import pytest
 from shaftline.baselines.controller import readings
 from shaftline.baselines.registry import make_controller
 from shaftline.baselines.va_pitch import AIM, VaPitch, load_of, pitch_of
-from shaftline.envs import FrigateVectorEnv
+from shaftline.envs import CLASSIC, FrigateVectorEnv
 from shaftline.plant import load_ship
 
 SHIP = load_ship("frigate")
@@ -87,7 +87,13 @@ def test_options_out_of_range_and_a_fixed_pitch_are_refused() -> None:
 def swing(name: str, observer: str) -> float:
     """Rms of the gauge's torque about its mean in a rough sea [kN m]."""
     env = FrigateVectorEnv(
-        6, task="transit", sea="state-6", observer=observer, sensor_noise=0.0, episode_s=150.0
+        6,
+        task="transit",
+        sea="state-6",
+        observer=observer,
+        sensor_noise=0.0,
+        max_episode_steps=300,
+        **CLASSIC,
     )
     law = make_controller(name, env.batch.ship, 0.5)
     observation, _ = env.reset(seed=1, options={"speed_order_m_s": 6.0})

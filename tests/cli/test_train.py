@@ -22,7 +22,7 @@ transit:
   n_steps: 16
   batch_size: 32
   n_epochs: 1
-  env_kwargs: {episode_s: 10.0}
+  env_kwargs: {max_episode_steps: 20}
 """
 SEARCHED = """
 transit:
@@ -33,7 +33,7 @@ transit:
   n_epochs: 1
   learning_rate: 1.0e-3
   legs: 1
-  env_kwargs: {episode_s: 10.0}
+  env_kwargs: {max_episode_steps: 20}
 """
 QUICK = ("--seeds", 2, "--episode-s", 10, "--jobs", 1)
 
@@ -61,7 +61,7 @@ def test_a_policy_is_trained_and_evaluated(
     policy = load_policy(out / "policy.npz")
     assert policy.about["seed"] == 2
     assert policy.about["recipe"]["env_kwargs"] == {
-        "episode_s": 10.0, "observer": "luenberger", "sensor_noise": 0.5,
+        "max_episode_steps": 20, "observer": "luenberger", "sensor_noise": 0.5,
     }  # fmt: skip
     assert len(json.loads((out / "curve.json").read_text())) == 2
 
@@ -151,12 +151,12 @@ def test_bad_input(
         ("n_envs: 4", "n_envs: 9999", ("n_envs = 9999", "less than or equal to 4096")),
         ("n_steps: 16", "n_stepz: 16", ("unknown key 'n_stepz'", "n_steps")),
         (
-            "{episode_s: 10.0}",
+            "{max_episode_steps: 20}",
             "{episode: 1}",
             ("env_kwargs.episode: cannot be set", "it may set observer"),
         ),
         ("n_epochs: 1", "form: {history: 0}", ("history", "must be from 1 to 64")),
-        ("n_epochs: 1", "weights: {joy: 1}", ("joy",)),
+        ("n_epochs: 1", "weights: {joy: 1}", ("unknown key 'weights'",)),
         ("batch_size: 32", "batch_size: many", ("batch_size = 'many'", "must be a number")),
     ],
 )

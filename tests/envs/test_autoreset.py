@@ -13,9 +13,13 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
-from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
+from gymnasium.wrappers.vector import (
+    DictInfoToList,
+    NormalizeObservation,
+    RecordEpisodeStatistics,
+)
 
-from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringEnv, SteeringVectorEnv
+from shaftline.envs import TERMS, FrigateEnv, FrigateVectorEnv, SteeringEnv
 
 SHORT: dict[str, Any] = {"max_episode_steps": 4, "task": "transit"}
 
@@ -169,6 +173,38 @@ def test_gymnasiums_vector_wrappers_take_it() -> None:
     assert set(lengths) == {4}
 
 
+@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
+def test_gymnasiums_statistics_are_the_returns_in_every_autoreset_mode(mode: str) -> None:
+    env: Any = RecordEpisodeStatistics(FrigateVectorEnv(2, threads=1, autoreset_mode=mode, **SHORT))
+    env.reset(seed=1)
+    returned, episodes = np.zeros(2), 0
+    for _ in range(11):
+        _, reward, _, _, info = env.step(np.zeros((2, 2), np.float32))
+        returned += reward
+        if "episode" in info:
+            assert info["episode"]["r"] == pytest.approx(returned)
+            assert info["episode"]["l"].tolist() == [4, 4]
+            returned[:] = 0.0
+            episodes += 1
+    assert episodes == 2
+
+
+def test_gymnasiums_wrapper_makes_a_dictionary_of_each_sub_environments_info() -> None:
+    env: Any = DictInfoToList(FrigateVectorEnv(2, threads=1, **SHORT))
+    plain = FrigateVectorEnv(2, threads=1, **SHORT)
+    _, rows = env.reset(seed=1)
+    _, columns = plain.reset(seed=1)
+    for _ in range(4):
+        for i, row in enumerate(rows):
+            assert row["fuel_flow"] == columns["fuel_flow"][i]
+            assert set(row["reward_terms"]) == set(TERMS)
+        *_, rows = env.step(np.zeros((2, 2), np.float32))
+        *_, columns = plain.step(np.zeros((2, 2), np.float32))
+    for i, row in enumerate(rows):
+        last = columns["final_info"]["reward_terms"]["fuel_kg_s"][i]
+        assert row["final_info"]["reward_terms"]["fuel_kg_s"] == last > 0.0
+
+
 def test_it_is_pickled_without_its_threads() -> None:
     env = FrigateVectorEnv(3, threads=2, **SHORT)
     env.reset(seed=5)
@@ -191,7 +227,9 @@ def test_every_sub_environment_is_drawn() -> None:
 
 
 def test_the_spec_of_any_ship_goes_through_json() -> None:
-    env = gymnasium.make("shaftline/Frigate-v0", ship="ferry", task="transit", control_interval_s=1.0)
+    env = gymnasium.make(
+        "shaftline/Frigate-v0", ship="ferry", task="transit", control_interval_s=1.0
+    )
     assert env.spec is not None
     twin = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json()))
     assert np.array_equal(env.reset(seed=4)[0], twin.reset(seed=4)[0])

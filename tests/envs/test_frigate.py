@@ -8,18 +8,26 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shaftline.baselines.controller import OBSERVED
-from shaftline.envs import TERMS, FrigateEnv, FrigateVectorEnv, tasks
+from shaftline.envs import CLASSIC, TERMS, FrigateEnv, FrigateVectorEnv, tasks
 from shaftline.envs.records import TRUTHS
 from shaftline.observers import observer_names
+from shaftline.plant.fuel import fuel_rate
 
 from .plans import SHORT, actions
 
 NAME = "shaftline.envs:shaftline/Frigate-v0"
+FORMS: dict[str, dict[str, Any]] = {name: {} for name in observer_names()} | {
+    "none": {"action_mode": "residual"}, "oracle": {"command": "limited-rack"},
+    "luenberger": {"action_mode": "absolute", "command": "fuel-rack"},
+    "shaft-kalman": {"action_mode": "residual:combinator", "command": "fuel-rack"},
+    "power-balance": {"normalised": False},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("task", tasks())
@@ -27,14 +35,19 @@ NAME = "shaftline.envs:shaftline/Frigate-v0"
 def test_checker_has_nothing_to_say(observer: str, task: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        env = gymnasium.make(NAME, observer=observer, task=task, **SHORT)
-        check_env(env.unwrapped, skip_render_check=True)
+        check_env(FrigateEnv(observer=observer, task=task, **SHORT), skip_render_check=True)
 
 
 @pytest.mark.parametrize("observer", observer_names())
 def test_vector_is_the_single_environment_bit_for_bit(observer: str) -> None:
     n, steps = 5, 20
-    options = {"observer": observer, "task": "storm", "randomise": {"hull.mass_kg": 0.2}, **SHORT}
+    options = {
+        "observer": observer,
+        "task": "storm",
+        "randomise": {"hull.mass_kg": 0.2},
+        **FORMS[observer],
+        **SHORT,
+    }
     vector = FrigateVectorEnv(n, threads=2, **options)
     batch, _ = vector.reset(seed=7)
     plans = actions(steps, n)
@@ -68,7 +81,7 @@ def test_time_out_truncates_and_a_stall_terminates() -> None:
     env.reset(seed=1)
     ends = [env.step(a[0])[2:4] for a in actions(8)]
     assert ends == [(False, False)] * 7 + [(False, True)]
-    env = FrigateEnv(sea="calm")
+    env = FrigateEnv(sea="calm", **CLASSIC)
     env.reset(seed=1)
     for _ in range(600):
         _, _, terminated, truncated, info = env.step(np.array([1.0, -1.0], np.float32))
@@ -78,20 +91,97 @@ def test_time_out_truncates_and_a_stall_terminates() -> None:
     assert info["ended"] == "stalled"
 
 
-def test_reward_is_the_weighted_sum_of_its_terms() -> None:
-    env = FrigateEnv(task="transit", **SHORT)
+@pytest.mark.parametrize("task", tasks())
+def test_the_reward_follows_from_the_terms_and_the_goals(task: str) -> None:
+    env = FrigateEnv(task=task, **SHORT)
     env.reset(seed=1)
-    weights = tasks()["transit"].weights
+    goals = tasks()[task].goals.used
     for action in actions(5):
         _, reward, _, _, info = env.step(action[0])
-        assert list(info["reward_terms"]) == list(TERMS)
-        expected = -sum(getattr(weights, k) * v for k, v in info["reward_terms"].items())
-        assert reward == pytest.approx(expected)
-        assert info["fuel_flow"] > 0.0
+        terms = info["reward_terms"]
+        assert list(terms) == list(TERMS)
+        factors, missed = 1.0, 0.0
+        for name, goal in goals.items():
+            beyond = max(terms[name] - goal.within, 0.0) / goal.margin
+            value = 1.0 / (1.0 + 9.0 * beyond**2)
+            if goal.weight is None:
+                factors *= value
+            else:
+                missed += goal.weight * (1.0 - value)
+        assert reward == pytest.approx(factors * (1.0 - missed))
+        assert 0.0 < reward < 1.0
+
+
+def test_a_reset_tells_the_truth_of_the_state() -> None:
+    env, vector = FrigateEnv(task="storm"), FrigateVectorEnv(2, task="storm")
+    _, info = env.reset(seed=3)
+    _, columns = vector.reset(seed=3)
+    state = env.batch.arrays.states[0]
+    assert set(info) == {*TRUTHS, "reward_terms"}
+    for name, field in {
+        "ship_speed": "ship_speed", "shaft_speed": "shaft_speed", "blade_pitch": "pitch_ratio",
+        "ventilation": "ventilation", "position": "position",
+    }.items():  # fmt: skip
+        assert info[name] == pytest.approx(float(state[field]), rel=1e-12), name
+    plant = env.batch.arrays.plants[0]
+    fuel = 2.0 * fuel_rate(plant, plant["gear_ratio"] * state["shaft_speed"], info["brake_torque"])
+    assert info["fuel_flow"] == pytest.approx(fuel)
+    assert info["thrust"] > 0.0
+    assert info["reward_terms"] == dict.fromkeys(TERMS, 0.0)
+    for name in TRUTHS:
+        assert columns[name][0] == info[name]
+        assert columns["_" + name].tolist() == [True, True]
+    for name in TERMS:
+        assert columns["reward_terms"][name].tolist() == [0.0, 0.0]
+    _, masked = vector.reset(options={"reset_mask": np.array([False, True])})
+    assert masked["_ship_speed"].tolist() == masked["_reward_terms"].tolist() == [False, True]
+
+
+@pytest.mark.parametrize("steps", [50, 600, 1200])
+def test_gymnasiums_limit_of_steps_is_the_length_of_an_episode(steps: int) -> None:
+    limit: dict[str, Any] = {} if steps == 600 else {"max_episode_steps": steps}
+    made = gymnasium.make(NAME, task="transit", **limit)
+    assert made.spec is not None
+    assert made.spec.max_episode_steps == steps
+    env = FrigateEnv(task="transit", max_episode_steps=steps)
+    hold = np.zeros(2, np.float32)
+    for one in (made, env):
+        one.reset(seed=1)
+        ends = [one.step(hold)[2:4] for _ in range(steps)]
+        assert ends == [(False, False)] * (steps - 1) + [(False, True)]
+    with pytest.raises(ResetNeeded, match="it has ended: call reset"):
+        env.step(hold)
+    for mode in ("vector_entry_point", "sync"):
+        vector = gymnasium.make_vec(
+            NAME, num_envs=2, vectorization_mode=mode, task="transit", **limit
+        )
+        vector.reset(seed=1)
+        cut = [vector.step(np.zeros((2, 2), np.float32))[3].tolist() for _ in range(steps)]
+        assert cut == [[False] * 2] * (steps - 1) + [[True] * 2]
+
+
+def test_an_episode_without_a_limit_goes_on() -> None:
+    env = FrigateEnv(max_episode_steps=None, control_interval_s=1.0, sea="calm")
+    vector = FrigateVectorEnv(2, max_episode_steps=None, control_interval_s=1.0, sea="calm")
+    env.reset(seed=1)
+    vector.reset(seed=1)
+    for _ in range(700):
+        assert not env.step(np.zeros(2))[3]
+        assert not vector.step(np.zeros((2, 2)))[3].any()
+    assert vector.batch.elapsed.tolist() == [700, 700]
+
+
+def test_a_step_after_a_failure_is_refused_under_gymnasiums_limit_too() -> None:
+    env: Any = gymnasium.make(NAME, command="fuel-rack", action_mode="absolute")
+    env.reset(seed=1)
+    env.unwrapped.batch.arrays.states["shaft_speed"] *= 50.0
+    assert env.step(np.zeros(2, np.float32))[1:3] == (0.0, True)
+    with pytest.raises(ResetNeeded, match="it has ended"):
+        env.step(np.zeros(2, np.float32))
 
 
 def test_observation_follows_the_plant_within_its_noise() -> None:
-    env = FrigateEnv(sea="state-4", sensor_noise=0.0)
+    env = FrigateEnv(sea="state-4", sensor_noise=0.0, normalised=False)
     env.reset(seed=2)
     for action in actions(20):
         seen, *_, info = env.step(action[0])
@@ -103,21 +193,22 @@ def test_observation_follows_the_plant_within_its_noise() -> None:
     )
 
 
-def test_a_single_environment_draws_where_asked_and_a_vector_has_one_by_default() -> None:
+def test_a_single_environment_is_drawn_where_asked_and_a_vector_holds_one_by_default() -> None:
     assert FrigateEnv(render_mode="rgb_array").render_mode == "rgb_array"
     assert FrigateEnv().render_mode is None
     assert FrigateVectorEnv().num_envs == 1
 
 
 def _step_at_random(n: int, intervals: int, seed: int, **options: Any) -> None:
-    """Step with wild actions; every observation, reward and truth must be finite."""
-    env = FrigateVectorEnv(n, episode_s=60.0, **options)
+    """Step with random actions; observations and rewards must keep their bounds, truths be finite."""
+    env = FrigateVectorEnv(n, max_episode_steps=120, **options)
     env.reset(seed=seed)
     rng = np.random.default_rng(seed)
     for _ in range(intervals):
         observation, reward, _, _, info = env.step(rng.uniform(-1.5, 1.5, (n, 2)))
         assert np.isfinite(observation).all()
-        assert np.isfinite(reward).all()
+        assert (np.abs(observation) <= 3.0).all()
+        assert ((reward >= 0.0) & (reward <= 1.0)).all()
         assert all(np.isfinite(info[name]).all() for name in TRUTHS)
     env.close()
 
@@ -169,7 +260,7 @@ def test_a_sea_can_be_a_range_from_which_each_episode_draws() -> None:
         ({"randomise": {"colour": 0.1}}, "colour"),
         ({"action_mode": "sail"}, "action_mode"),
         ({"render_mode": "human"}, "unknown render_mode 'human'; known: rgb_array"),
-        ({"episode_s": 0.0}, "episode_s"),
+        ({"max_episode_steps": 0}, "max_episode_steps = 0: must be a whole number"),
         ({"fog": 1}, "unknown keyword 'fog'"),
     ],
 )
@@ -192,7 +283,7 @@ def test_make_vec_and_subprocesses_by_id() -> None:
 
 
 def test_the_governor_holds_the_shaft_speed_that_is_asked() -> None:
-    env = FrigateEnv(action_mode="shaft-speed", sea="calm", sensor_noise=0.0)
+    env = FrigateEnv(action_mode="absolute", sea="calm", sensor_noise=0.0)
     env.reset(seed=1)
     ship = env.batch.ship
     for action in (0.0, 0.4):
@@ -203,7 +294,7 @@ def test_the_governor_holds_the_shaft_speed_that_is_asked() -> None:
         assert held == pytest.approx(asked, rel=0.01)
 
 
-@pytest.mark.parametrize("mode", ["rack", "shaft-speed"])
+@pytest.mark.parametrize("mode", ["absolute", "increment", "residual:combinator-trimmed"])
 @pytest.mark.parametrize("n", [1, 3])
 def test_pickling_keeps_the_episode(mode: str, n: int) -> None:
     """With noise, waves, the observer's memory and the draws of the episodes that follow."""

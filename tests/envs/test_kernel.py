@@ -51,8 +51,8 @@ PLAN[:6] = np.random.default_rng(1).uniform(-0.2, 0.6, (6, 2))
 
 def storm(**settings: Any) -> tuple[FrigateEnv, ByHand, Any]:
     """Return an environment in a storm, its reference by hand, and the first observation."""
-    settings = {"task": "storm", "normalised": False, "action_mode": "absolute"} | settings
-    env = FrigateEnv(ship=FAULTY, sea="state-7", sensor_noise=0.0, **settings)
+    plain: dict[str, Any] = {"task": "storm", "normalised": False, "action_mode": "absolute"}
+    env = FrigateEnv(ship=FAULTY, sea="state-7", sensor_noise=0.0, **plain | settings)
     first, _ = env.reset(seed=4, options=OPTIONS)
     return env, ByHand(env), first
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from shaftline.envs import TERMS, Goal, Goals
+from shaftline.envs import TERMS, Goals
 from shaftline.envs.rewards import (
     REWARD_TERMS,
     Instant,
@@ -210,6 +210,11 @@ def test_the_value_of_a_goal_is_one_within_and_a_tenth_one_margin_beyond(
     assert goal_value(x, 0.3, 2.0) == pytest.approx(value, abs=1e-12)
 
 
+def goal(within: float, margin: float, weight: float | None = None) -> dict[str, Any]:
+    """Return the fields of a goal."""
+    return {"within": within, "margin": margin, "weight": weight}
+
+
 def reward(goals: Goals, **terms: float) -> float:
     """Return the reward of an interval with these terms, the others 0."""
     record = np.zeros(1, REWARD_TERMS)[0]
@@ -219,8 +224,8 @@ def reward(goals: Goals, **terms: float) -> float:
 
 
 def test_goals_without_weight_multiply() -> None:
-    goals = Goals(
-        speed_error_m_s=Goal(within=0.1, margin=2.0), overload=Goal(within=0.0, margin=0.1)
+    goals = Goals.model_validate(
+        {"speed_error_m_s": goal(0.1, 2.0), "overload": goal(0.0, 0.1)},
     )
     assert reward(goals) == 1.0
     assert reward(goals, speed_error_m_s=2.1) == pytest.approx(0.1)
@@ -231,11 +236,12 @@ def test_goals_without_weight_multiply() -> None:
 
 
 def test_goals_with_weights_share_and_are_scaled_by_the_factors() -> None:
-    goals = Goals(
-        speed_error_m_s=Goal(within=0.0, margin=1.0),
-        cavitation=Goal(within=0.0, margin=0.5, weight=0.5),
-        fuel_excess=Goal(within=-0.2, margin=0.4, weight=0.3),
-    )
+    goals = Goals.model_validate(
+        {
+            "speed_error_m_s": goal(0.0, 1.0), "cavitation": goal(0.0, 0.5, 0.5),
+            "fuel_excess": goal(-0.2, 0.4, 0.3),
+        }
+    )  # fmt: skip
     assert reward(goals, fuel_excess=-0.3) == 1.0
     assert reward(goals, fuel_excess=0.2) == pytest.approx(1.0 - 0.3 * 0.9)
     assert reward(goals, fuel_excess=-0.3, cavitation=0.5) == pytest.approx(1.0 - 0.5 * 0.9)
@@ -314,5 +320,9 @@ def test_weights_may_add_up_to_one_and_goals_are_frozen() -> None:
     third = {"within": 0.0, "margin": 1.0, "weight": 1.0 / 3.0}
     goals = Goals.model_validate(dict.fromkeys(TERMS[:3], third))
     assert reward(goals, **dict.fromkeys(TERMS[:3], math.inf)) == pytest.approx(0.0, abs=1e-12)
+    over = Goals.model_validate(
+        {"overload": goal(0, 1, 0.5), "cavitation": goal(0, 1, 0.5 + 5e-10)}
+    )
+    assert reward(over, overload=math.inf, cavitation=math.inf) == 0.0  # rounding is no penalty
     with pytest.raises(ValidationError, match="frozen"):
         goals.overload = None

@@ -8,17 +8,20 @@ import gymnasium
 import numpy as np
 import pytest
 
-from shaftline.baselines.controller import OBSERVED
 from shaftline.envs import FrigateEnv
 from shaftline.plant.signals import get_signal
 
 from .plans import SHORT
 
 
-def test_bounds_are_the_registrys() -> None:
-    space = FrigateEnv().observation_space
+def test_bounds_are_three_normalised_and_those_of_the_signals_in_units() -> None:
+    normalised = FrigateEnv().observation_space
+    assert isinstance(normalised, gymnasium.spaces.Box)
+    assert (set(normalised.low.tolist()), set(normalised.high.tolist())) == ({-3.0}, {3.0})
+    env = FrigateEnv(normalised=False)
+    space = env.observation_space
     assert isinstance(space, gymnasium.spaces.Box)
-    for i, name in enumerate(OBSERVED):
+    for i, name in enumerate(env.batch.observed):
         assert space.high[i] == np.float32(get_signal(name).high)
         assert space.low[i] == np.float32(get_signal(name).low)
     action = FrigateEnv().action_space

@@ -27,8 +27,9 @@ def _texts(mark: Path) -> dict[str, str]:
     recipes = {
         "gamma": "gamma: 5", "rate": "learning_rate: -1", "steps": "n_steps: 1000000000",
         "net": "policy_kwargs: {net_arch: [1000000, 1000000]}",
-        "endless": "env_kwargs: {episode_s: .inf}",
-        "long": "env_kwargs: {episode_s: 1.0e+12}", "words": "env_kwargs: {episode_s: 1.0e12}",
+        "endless": "env_kwargs: {max_episode_steps: .inf}",
+        "long": "env_kwargs: {max_episode_steps: 1000000000000}",
+        "words": "env_kwargs: {max_episode_steps: long}",
         "nan": "gamma: .nan", "high": "gamma: high", "thin": "policy_kwargs: {net_arch: [-3]}",
         "big": "policy_kwargs: {net_arch: big}", "batch": "batch_size: 0", "five": "policy_kwargs: 5",
         "noise": "env_kwargs: {sensor_noise: .nan}", "nobody": "env_kwargs: {observer: nobody}",

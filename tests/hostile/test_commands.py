@@ -55,7 +55,7 @@ def _rows() -> Iterator[tuple[str, str]]:
         yield f"simulate --case rack_step --figure {place}", place
     for name, words in {
         "gamma": "gamma = 5", "rate": "learning_rate = -1", "steps": "steps kept", "net": "net_arch",
-        "endless": "episode_s = inf", "long": "an episode has at most", "words": "must be a number",
+        "endless": "max_episode_steps = inf", "long": "from 1 to 10 000 000", "words": "whole number",
         "nan": "gamma = nan", "high": "must be a number", "thin": "refuses the recipe",
         "big": "net_arch = 'big'", "batch": "batch_size = 0", "five": "policy_kwargs = 5",
         "noise": "sensor_noise", "nobody": "unknown observer", "fule": "fule", "tag": "as YAML",
@@ -152,7 +152,7 @@ def _rows() -> Iterator[tuple[str, str]]:
         "--vary gamma=2:1": "gamma = '2:1'", "--vary gamma=0.5:5.0": "gamma = 5: must be above 0",
         "--vary gama=0.5:0.9": "unknown key 'gama'", "--vary a.b.c=1:2": "unknown key 'a'",
         "--vary n_timesteps=10:20": "cannot be searched", "--trials 0": "'--trials'",
-        "--vary weights.fuel_kg_s=1:2": "cannot be searched", "--seeds 0": "'--seeds'",
+        "--vary env_kwargs.max_episode_steps=1:2": "easiest would win", "--seeds 0": "'--seeds'",
         "--vary env_kwargs.sensor_noise=0:1.0": "cannot be searched", "--fresh 0": "'--fresh'",
         "--vary gamma=m**9**9,2": "gamma = 'm**9**9'",
         "--vary n_steps=1:1000000000000": "n_steps = 1e+12",

@@ -76,7 +76,7 @@ def _task_tree() -> Tree:
 def _recipe_tree() -> Tree:
     tree: Tree = yaml.safe_load((ROOT / "agents/learning/recipes/ppo.yml").read_text())[TASK]
     numbers = {"ent_coef": 0.01, "gamma": 0.99, "form": {"pitch_reach": 0.3, "history": 4}}
-    return tree | numbers | {"weights": {"fuel_kg_s": 1.0}, "policy_kwargs": {}}
+    return tree | numbers | {"policy_kwargs": {}}
 
 
 TERM = """

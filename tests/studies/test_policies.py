@@ -10,6 +10,7 @@ import pytest
 
 from shaftline.agents.policy.policy import PolicyError
 from shaftline.agents.policy.residual import Form
+from shaftline.envs import get_task
 from shaftline.studies.policies import command, page
 from shaftline.studies.policies.bound import BOUND, bound
 from shaftline.studies.policies.comparison import (
@@ -50,7 +51,7 @@ def test_trainings_are_found_by_task_in_the_order_of_their_seeds(tmp_path: Path)
         command.sources(tmp_path)
 
 
-def test_policies_that_say_nothing_are_their_base(tmp_path: Path) -> None:
+def test_policies_whose_answers_are_zero_are_their_base(tmp_path: Path) -> None:
     """Every episode of either training, figure by figure, and none of it differs from itself."""
     one = compare("rough-sea", files(tmp_path), tmp_path / "kept", seeds=3, episode_s=20.0, jobs=1)
     assert list(one.kpis) == [POLICY, *BASELINES, TUNED]
@@ -68,7 +69,7 @@ def test_policies_that_say_nothing_are_their_base(tmp_path: Path) -> None:
         np.mean(one.kpis[POLICY]["wave_torque_kN_m"])
     )
     against = {d.baseline: d for d in one.differences if d.quantity == "wave_engine_torque_kN_m"}
-    assert against[HELD].percent < -50.0  # the base leaves the waves to the shaft's inertia
+    assert against[HELD].percent < -30.0  # the base leaves the waves to the shaft's inertia
     assert against[HELD].percent_low <= against[HELD].percent <= against[HELD].percent_high
 
 
@@ -89,7 +90,7 @@ def test_page_tables_figures_and_cards_are_written(tmp_path: Path) -> None:
         assert (tmp_path / "page" / f"{name}.csv").is_file()
     card = page.card(one, paths[1])
     assert "shaftline train --task rough-sea --algorithm ppo --seed 0" in card
-    assert "`torque_swing_kN_m` 0.1" in card
+    assert f"Goals of the reward: {', '.join(get_task('rough-sea').goals.used)}." in card
 
 
 def test_a_target_is_met_where_the_whole_interval_is() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shaftline.baselines import make_steering
-from shaftline.envs import SteeringVectorEnv
+from shaftline.envs import CLASSIC, SteeringVectorEnv
 
 pytest.importorskip("stable_baselines3")
 
@@ -36,7 +36,7 @@ class Silent:
 
 
 def test_an_answer_turns_the_helmsman_s_rudder() -> None:
-    env = SteeringVectorEnv(3, task="course-keeping")
+    env = SteeringVectorEnv(3, task="course-keeping", **CLASSIC)
     base = make_steering("autopilot", env.batch.ship, 0.5)
     observation, _ = env.reset(seed=1)
     action, _ = base.predict(observation)
@@ -52,11 +52,11 @@ def test_an_answer_turns_the_helmsman_s_rudder() -> None:
     assert rows[:, 0] == pytest.approx(missing / 0.3, rel=1e-5)
 
 
-def test_a_policy_that_says_nothing_is_the_helmsman() -> None:
+def test_a_policy_whose_answers_are_zero_is_the_helmsman() -> None:
     ship = SteeringVectorEnv(1, task="track-keeping").batch.ship
     base = make_steering("track-keeper:change_lengths=8", ship, 0.5)
     one, other, third = (
-        sail(who, "track-keeping", 5, 3, episode_s=30.0)
+        sail(who, "track-keeping", 5, 3, max_episode_steps=60)
         for who in (base, Corrected(base, Silent(0.0)), Corrected(base, Silent(1.0)))
     )
     assert np.array_equal(one.reward, other.reward)
@@ -65,7 +65,7 @@ def test_a_policy_that_says_nothing_is_the_helmsman() -> None:
 
 
 def test_training_runs_from_where_the_helmsman_is() -> None:
-    env = SteeringVectorEnv(2, task="course-keeping", episode_s=5.0)
+    env = SteeringVectorEnv(2, task="course-keeping", max_episode_steps=10, **CLASSIC)
     venv = RudderEnv(env, make_steering("autopilot", env.batch.ship, 0.5))
     first = venv.reset()
     assert first.shape == (2, len(FEATURES))

@@ -10,7 +10,7 @@ import pytest
 from shaftline.agents.learning.policy_env import PolicyEnv
 from shaftline.agents.learning.privileged_critic import TOLD, told
 from shaftline.agents.policy.residual import ANSWERS, Form, Residual
-from shaftline.envs import FrigateVectorEnv, Sb3Frigates, get_task
+from shaftline.envs import CLASSIC, FrigateVectorEnv, Sb3Frigates, get_task
 from shaftline.plant import load_ship
 
 FORM = Form(pitch_reach=0.1, washout_s=2.0, history=2)
@@ -18,17 +18,17 @@ SEEN = len(FORM.features)
 CORRECTED = load_ship("frigate").with_values(
     {"prime_mover.lag_s": 5.0, "propeller.inflow_lag_s": 5.0, "pitch_actuator.offset": 0.03}
 )
-SETTINGS: dict[str, Any] = {"task": "transit", "ship": CORRECTED, "episode_s": 8.0}
+SETTINGS: dict[str, Any] = {"task": "transit", "ship": CORRECTED, "max_episode_steps": 16}
 
 
 def made(telling: bool = True, n: int = 4, **settings: Any) -> PolicyEnv:
-    env = PolicyEnv(Sb3Frigates(n, **SETTINGS | settings), FORM, telling)
+    env = PolicyEnv(Sb3Frigates(n, **SETTINGS | CLASSIC | settings), FORM, telling)
     env.seed(3)
     return env
 
 
 def test_features_and_commands_are_the_adapters() -> None:
-    env, twin = made(), FrigateVectorEnv(4, **SETTINGS)
+    env, twin = made(), FrigateVectorEnv(4, **SETTINGS, **CLASSIC)
     adapter = Residual(CORRECTED, 0.5, FORM)
     shown = env.reset()
     seen, _ = twin.reset(seed=3)
@@ -72,8 +72,8 @@ def test_only_the_critic_is_told() -> None:
     assert float(telling.action_space.high[0]) == 1.0  # type: ignore[attr-defined]
 
 
-def test_a_corrected_ship_begins_her_training_settled() -> None:
-    """Lags that began at nothing once showed a gauge of 299 kN m and a shaft that fell at once."""
+def test_a_ship_with_lags_begins_its_training_in_a_steady_state() -> None:
+    """Lags that begin at 0 would show a gauge of 299 kN m and a shaft that slows down at once."""
     still = get_task("transit").model_dump() | {
         "seas": ("calm",), "resistance_rise": (0.0, 0.0), "resistance_swing": 0.0,
         "speed_order_m_s": (8.0, 8.0),
@@ -81,8 +81,11 @@ def test_a_corrected_ship_begins_her_training_settled() -> None:
     shown = []
     for ship in (CORRECTED, load_ship("frigate")):
         env = PolicyEnv(
-            Sb3Frigates(2, ship=ship, task=still, sensor_noise=0.0, observer="oracle"), FORM, True
-        )
+            Sb3Frigates(
+                2, ship=ship, task=still, sensor_noise=0.0, observer="oracle", **CLASSIC
+            ),
+            FORM, True,
+        )  # fmt: skip
         env.seed(0)
         shown.append(dict(zip(FORM.features, env.reset()[0], strict=False)))
     corrected, plain = shown

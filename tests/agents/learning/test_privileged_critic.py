@@ -18,7 +18,7 @@ from shaftline.agents.learning.privileged_critic import (
     told,
 )
 from shaftline.agents.policy.residual import ANSWERS
-from shaftline.envs import FrigateVectorEnv
+from shaftline.envs import CLASSIC, FrigateVectorEnv
 from shaftline.envs.kernel import disturbance
 from shaftline.plant.waves import field
 
@@ -26,7 +26,7 @@ SEEN = 9
 
 
 def test_no_order_comes_after_the_last() -> None:
-    env = FrigateVectorEnv(3, task="transit", episode_s=30.0)
+    env = FrigateVectorEnv(3, task="transit", max_episode_steps=60, **CLASSIC)
     env.reset(seed=2, options={"order_interval_s": 20.0})
     column = TOLD.index("next order")
     orders = env.batch.arrays.episodes["orders"].copy()
@@ -37,7 +37,7 @@ def test_no_order_comes_after_the_last() -> None:
 
 
 def test_the_critic_is_told_the_disturbance() -> None:
-    env = FrigateVectorEnv(5, task="transit", sea={"hs_m": (1.0, 5.0), "tp_s": 9.0})
+    env = FrigateVectorEnv(5, task="transit", sea={"hs_m": (1.0, 5.0), "tp_s": 9.0}, **CLASSIC)
     env.reset(seed=2, options={"order_interval_s": 20.0})
     rows = env.batch.arrays.episodes
     for step in range(60):

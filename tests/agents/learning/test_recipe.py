@@ -12,10 +12,10 @@ from shaftline.agents import RecipeError, load_policy, read_recipe
 from shaftline.agents.learning.recipe import Recipe, form_of
 from shaftline.agents.policy.policy import trained
 from shaftline.agents.policy.residual import Form
-from shaftline.envs import get_task, tasks
+from shaftline.envs import tasks
 from shaftline.envs.settings import Settings
 
-CHOSEN = {"observer", "tuning", "sea", "sensor_noise", "episode_s", "randomise"}
+CHOSEN = {"observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise"}
 ELSEWHERE = sorted(set(Settings.model_fields) - CHOSEN)
 """Keywords of the environment that would change what the base controller sees or commands."""
 
@@ -25,8 +25,7 @@ transit:
   n_timesteps: 2e5
   legs: 3
   normalize: false
-  env_kwargs: {observer: oracle, episode_s: 60.0}
-  weights: {fuel_kg_s: 3.0}
+  env_kwargs: {observer: oracle, max_episode_steps: 120}
   form: {pitch_reach: 0.8, history: 4}
   n_steps: 256
   learning_rate: lin_3e-4
@@ -44,7 +43,7 @@ def test_a_section_becomes_a_recipe(mine: Path) -> None:
     plan = read_recipe("ppo", "transit", mine)
     assert plan == Recipe(
         algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, legs=3, normalize=False,
-        env_kwargs={"observer": "oracle", "episode_s": 60.0}, weights={"fuel_kg_s": 3.0},
+        env_kwargs={"observer": "oracle", "max_episode_steps": 120},
         form=replace(form_of("transit"), pitch_reach=0.8, history=4),
         hyperparameters={"n_steps": 256, "learning_rate": "lin_3e-4"},
     )  # fmt: skip
@@ -55,15 +54,7 @@ def test_changes_go_before_the_file(mine: Path) -> None:
         "ppo", "transit", mine, n_envs=8, legs=1, env_kwargs={"observer": "none", "sea": "calm"}
     )
     assert (plan.n_envs, plan.legs, plan.n_timesteps) == (8, 1, 200_000)
-    assert plan.env_kwargs == {"observer": "none", "episode_s": 60.0, "sea": "calm"}
-    assert plan.weights == {"fuel_kg_s": 3.0}
-
-
-def test_the_reward_in_training_is_the_tasks_but_for_the_recipes_weights(mine: Path) -> None:
-    task, plan = get_task("transit"), read_recipe("ppo", "transit", mine)
-    found = plan.rewarded()
-    assert found.weights.model_dump() == task.weights.model_dump() | {"fuel_kg_s": 3.0}
-    assert found.model_copy(update={"weights": task.weights}) == task
+    assert plan.env_kwargs == {"observer": "none", "max_episode_steps": 120, "sea": "calm"}
 
 
 def test_a_recipe_without_more_than_its_size_is_plain() -> None:
@@ -72,7 +63,6 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
     )
     assert (plan.legs, plan.normalize, plan.policy) == (10, True, "MlpPolicy")
     assert plan.form == Form()
-    assert plan.rewarded() == get_task("storm")
 
 
 @pytest.mark.parametrize(
@@ -92,7 +82,7 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}", "unknown key 'buffer_size'; PPO"),
         ("transit: {n_envs: 1, n_timesteps: 1, form: {history: 0}}", "history"),
         ("transit: {n_envs: 1, n_timesteps: 1, form: 3}", "form = 3: must be a mapping"),
-        ("transit: {n_envs: 1, n_timesteps: 1, weights: {joy: 1}}", "joy"),
+        ("transit: {n_envs: 1, n_timesteps: 1, weights: {joy: 1}}", "unknown key 'weights'"),
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {ship: ferry}}", r"env_kwargs\.ship"),
         *(
             (

@@ -29,7 +29,7 @@ from shaftline.agents.learning.training import (
 from shaftline.agents.policy.residual import ANSWERS, Form
 from shaftline.core import sweep
 from shaftline.core.archives import read_archive, unpacked
-from shaftline.envs import Sb3Frigates
+from shaftline.envs import CLASSIC, Sb3Frigates
 
 from ..tiny import PPO, SAC, interrupted_after_a_leg, recipe
 
@@ -117,12 +117,12 @@ def test_every_leg_begins_with_seeds_of_its_own(
 
 
 def test_legs_are_judged_as_the_recipe_sails(tmp_path: Path) -> None:
-    """By the weights of the training, with its observer, noise and length of an episode."""
-    kwargs = {"observer": "none", "sensor_noise": 0.0, "episode_s": 6.0}
-    plan = recipe(n_timesteps=64, legs=1, env_kwargs=kwargs, weights={"fuel_kg_s": 50.0})
+    """With its observer, noise and length of an episode."""
+    kwargs = {"observer": "none", "sensor_noise": 0.0, "max_episode_steps": 12}
+    plan = recipe(n_timesteps=64, legs=1, env_kwargs=kwargs)
     policy = load_policy(train(plan, 0, tmp_path, device="cpu"))
     cell = Setting("policy", "transit", "task", "none", 24, episode_s=6.0, sensor_noise=0.0,
-                   task_model=plan.rewarded(), first_seed=500_000)  # fmt: skip
+                   first_seed=500_000)  # fmt: skip
     kpis, _ = run_episodes(cell, policy)
     assert policy.curve["reward"] == [pytest.approx(interquartile_mean(kpis["reward"]))]
 
@@ -184,7 +184,7 @@ def test_falling_values_follow_the_whole_training() -> None:
 
 
 def piloted(**settings: Any) -> VecNormalize:
-    frigates = Sb3Frigates(4, task="transit", episode_s=10.0, **settings)
+    frigates = Sb3Frigates(4, task="transit", max_episode_steps=20, **CLASSIC, **settings)
     return VecNormalize(PolicyEnv(frigates, Form(), telling=True))
 
 
@@ -231,7 +231,7 @@ def test_a_networks_numbers_are_the_models(sde: bool) -> None:
 
 
 def test_sac_is_squashed_and_of_relus() -> None:
-    frigates = Sb3Frigates(4, task="transit", episode_s=10.0)
+    frigates = Sb3Frigates(4, task="transit", max_episode_steps=20, **CLASSIC)
     venv = VecNormalize(PolicyEnv(frigates, Form(), telling=False))
     model, _ = _built(recipe("sac"), venv, 0, "cpu")
     network = network_of(model, venv, SEEN)

@@ -11,7 +11,7 @@ from shaftline.agents.policy.residual import ANSWERS, MEAN_S, RECENT, SLOWLY, Fo
 from shaftline.baselines.actions import actions
 from shaftline.baselines.controller import OBSERVED, readings
 from shaftline.baselines.registry import ControllerError, make_controller
-from shaftline.envs import FrigateVectorEnv
+from shaftline.envs import CLASSIC, FrigateVectorEnv
 from shaftline.plant import load_ship
 
 INTERVAL_S = 0.5
@@ -21,14 +21,16 @@ FORM = Form(pitch_reach=0.2, rack_reach=0.1, history=3, washout_s=5.0)
 
 @pytest.fixture(scope="module")
 def observed() -> Any:
-    """Observations of three episodes, shape (20, 3, 8)."""
-    env = FrigateVectorEnv(3, task="transit", sea="state-6", observer="random-walk-kalman")
+    """Return what controllers read in three episodes, shape (20, 3, 8)."""
+    env = FrigateVectorEnv(
+        3, task="transit", sea="state-6", observer="random-walk-kalman", **CLASSIC
+    )  # fmt: skip
     seen, _ = env.reset(seed=1)
     rows = [seen]
     for _ in range(19):
         rows.append(env.step(np.tile(np.array([0.5, 0.1], np.float32), (3, 1)))[0])
     env.close()
-    return np.array(rows)
+    return np.array(rows)[:, :, : len(OBSERVED)]
 
 
 def test_features_and_commands_by_hand(observed: Any) -> None:
