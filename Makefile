@@ -61,7 +61,7 @@ results: $(INSTALLED)
 	$(BIN)/python -m shaftline.studies.observer_ranking --out docs/results
 	$(BIN)/python -m shaftline.studies.observer_features --out docs/results
 	$(BIN)/python -m shaftline.studies.intervals --out docs/results
-	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png
+	$(BIN)/python -m shaftline.studies.learners.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
 	$(BIN)/python -m shaftline.studies.tito_neri.effects --out docs/results
 	$(BIN)/python -m shaftline.studies.tito_neri.rig_page --out docs/results

@@ -52,7 +52,7 @@ _BYTES_EACH = 1e5  # an environment with its sea, measured
 _FIELDS: Any = ENVIRONMENT.fields
 _SECOND = {"fuel-rack": DIRECT_RACK, "limited-rack": LIMITED_RACK, "shaft-speed": SHAFT_SPEED}
 
-LIMITER_RESPONSE_S = 0.5
+LIMITER_RESPONSE_S = 0.25
 """Time in which the limits of a rack command take back a speed error, at a gain of one [s]."""
 
 

@@ -57,4 +57,6 @@ def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[
     ends["fuel_rack_command"] = ends["base_fuel_rack"] = ends["fuel_rack"]
     ends["base_rudder_angle"] = ends["rudder_angle"]
     low, high = np.array([ends[name] for name in observed], dtype=np.float32).T
-    return np.array([0.5 * (low + high), 0.5 * (high - low)])
+    half = 0.5 * (high - low)
+    half[half == 0.0] = 1.0  # the pitch of a fixed-pitch propeller
+    return np.array([0.5 * (low + high), half])
