@@ -50,6 +50,7 @@ from .tasks import get_task
 
 _BYTES_EACH = 1e5  # an environment with its sea, measured
 _FIELDS: Any = ENVIRONMENT.fields
+_SIGNALS: tuple[str, ...] = OBSERVATION.names or ()
 _SECOND = {"fuel-rack": DIRECT_RACK, "limited-rack": LIMITED_RACK, "shaft-speed": SHAFT_SPEED}
 
 LIMITER_RESPONSE_S = 0.25
@@ -155,7 +156,7 @@ class Batch:
         self._varied = [
             (self.ship.number(key), width) for key, width in (settings.randomise or {}).items()
         ]
-        self.command = settings.command_in(self.task)
+        self.command = settings.drive_command
         self.gains = np.zeros((3, 1))
         if self.command == "shaft-speed":
             self.gains = _governor_gains(self.ship)
@@ -172,7 +173,7 @@ class Batch:
             self.base = BaseController(
                 settings.base_controller, self.ship, self.interval_s, n, steered
             )
-        self._columns = np.array([OBSERVATION.names.index(name) for name in self.observed])
+        self._columns = np.array([_SIGNALS.index(name) for name in self.observed])
         top = float(self.table["ship_speed"].max())
         middle, half = observed_ranges(self.ship, top, self.observed)
         if not settings.normalised:
@@ -221,7 +222,7 @@ class Batch:
         # a record's field is no contiguous array, so its rows are laid over the records' memory
         offset = _FIELDS["observation"][1]
         return np.ndarray(
-            (self.n, len(OBSERVATION)), np.float32, self.environments.view(np.uint8), offset,
+            (self.n, len(_SIGNALS)), np.float32, self.environments.view(np.uint8), offset,
             (ENVIRONMENT.itemsize, 4),
         )  # fmt: skip
 

@@ -109,9 +109,10 @@ def _save(learner: Learner, model: Any, folder: Path) -> None:
     from ...agents.learning.training import about_training, network_of
     from ...agents.policy.policy import Policy
 
-    recipe = Recipe(
-        algorithm=learner.algorithm, task=learner.task, n_envs=1, n_timesteps=learner.steps
-    )  # type: ignore[arg-type]
+    recipe = Recipe.model_validate(
+        {"algorithm": learner.algorithm, "task": learner.task, "n_envs": 1,
+         "n_timesteps": learner.steps}
+    )  # fmt: skip
     batch = model.get_env().envs[0].unwrapped.batch
     about = about_training(recipe, learner.seed, get_task(learner.task).vessel, batch)
     Policy(network_of(model), about).save(folder / f"{learner.name}.npz")

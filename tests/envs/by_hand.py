@@ -95,9 +95,7 @@ class ByHand:
             drive = second
             if self.command == "shaft-speed":
                 gains = (np.interp(self.measured, self.gains[0], self.gains[i]) for i in (1, 2))
-                drive, self.integral = govern(
-                    p, second, self.measured, self.integral, *gains
-                )
+                drive, self.integral = govern(p, second, self.measured, self.integral, *gains)
             elif self.command == "limited-rack":
                 drive = limited_rack(p, second, self.measured, self.slope)
             omega, speed = float(self.state["shaft_speed"]), float(self.state["ship_speed"])

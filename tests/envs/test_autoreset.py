@@ -15,7 +15,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, RecordEpisodeStatistics
 
-from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringEnv, SteeringVectorEnv
+from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringEnv
 
 SHORT: dict[str, Any] = {"max_episode_steps": 4, "task": "transit"}
 
@@ -191,7 +191,9 @@ def test_every_sub_environment_is_drawn() -> None:
 
 
 def test_the_spec_of_any_ship_goes_through_json() -> None:
-    env = gymnasium.make("shaftline/Frigate-v0", ship="ferry", task="transit", control_interval_s=1.0)
+    env = gymnasium.make(
+        "shaftline/Frigate-v0", ship="ferry", task="transit", control_interval_s=1.0
+    )
     assert env.spec is not None
     twin = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json()))
     assert np.array_equal(env.reset(seed=4)[0], twin.reset(seed=4)[0])

@@ -63,7 +63,9 @@ def test_a_ship_whose_commands_are_held_stays_in_its_steady_state(values: dict[s
 
 @pytest.mark.parametrize("values", SHIPS, ids=NAMES)
 @pytest.mark.parametrize("sea", ["calm", "state-5"])
-def test_between_the_tabulated_steady_states_a_ship_hardly_moves(values: dict[str, float], sea: str) -> None:
+def test_between_the_tabulated_steady_states_a_ship_hardly_moves(
+    values: dict[str, float], sea: str
+) -> None:
     ship = load_ship("frigate").with_values(values)
     env = FrigateEnv(ship=ship, task=STILL, sensor_noise=0.0, observer="none", **CLASSIC)
     first, _ = env.reset(seed=0, options={"initial_speed_m_s": 7.4, "speed_order_m_s": 7.4})
@@ -202,7 +204,9 @@ def test_a_ship_begins_with_the_rack_that_its_load_needs(load: float) -> None:
 
 
 @pytest.mark.parametrize(("order", "row"), [(1.0, 0), (30.0, -1)])
-def test_with_an_order_beyond_the_steady_speeds_a_ship_begins_at_their_end(order: float, row: int) -> None:
+def test_with_an_order_beyond_the_steady_speeds_a_ship_begins_at_their_end(
+    order: float, row: int
+) -> None:
     env = FrigateEnv(task=STILL)
     env.reset(seed=0, options={"speed_order_m_s": order})
     end = env.batch.table[row]

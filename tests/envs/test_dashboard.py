@@ -33,9 +33,7 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
 
 @pytest.mark.parametrize("normalised", [False, True])
-def test_lines_are_the_signals_in_physical_units(
-    figures: list[Figure], normalised: bool
-) -> None:
+def test_lines_are_the_signals_in_physical_units(figures: list[Figure], normalised: bool) -> None:
     env = FrigateEnv(render_mode="rgb_array", task="transit", normalised=normalised)
     env.reset(seed=0)
     rows, truth, engine, reward = [], [], [], 0.0

@@ -51,12 +51,20 @@ def test_the_page_tells_every_keyword_and_option() -> None:
     ("keywords", "words"),
     [
         ({"fog": 1}, "unknown keyword 'fog'; known: ship, task, observer"),
-        ({"action_mode": "sail"}, "unknown action_mode 'sail'; known: increment, absolute, residual, and"),
+        (
+            {"action_mode": "sail"},
+            "unknown action_mode 'sail'; known: increment, absolute, residual, and",
+        ),
         ({"action_mode": "increment:combinator"}, "unknown action_mode 'increment:combinator'"),
         ({"action_mode": "shaft-speed"}, "unknown action_mode 'shaft-speed'"),
-        ({"action_mode": "residual", "command": "shaft-speed"},
-         "command = 'shaft-speed': a residual is added to the fuel rack .*limited-rack or fuel-rack"),
-        ({"command": "rack"}, "unknown command 'rack'; known: shaft-speed, limited-rack, fuel-rack"),
+        (
+            {"action_mode": "residual", "command": "shaft-speed"},
+            "command = 'shaft-speed': a residual is added to the fuel rack .*limited-rack or fuel-rack",
+        ),
+        (
+            {"command": "rack"},
+            "unknown command 'rack'; known: shaft-speed, limited-rack, fuel-rack",
+        ),
         ({"max_episode_steps": 0}, "max_episode_steps = 0: must be a whole number .* from 1 to"),
         ({"max_episode_steps": -1}, "max_episode_steps = -1: must be a whole number"),
         ({"max_episode_steps": 10_000_001}, "max_episode_steps = 10000001: .*10 000 000, or None"),
@@ -232,7 +240,9 @@ def test_factors_may_reach_the_ends_of_a_range_and_stand_at_negative_numbers() -
 def test_no_options_leave_all_to_the_task() -> None:
     nothing: list[dict[str, Any] | None] = [None, {}]
     for options in nothing:
-        assert Begin.of(options, TRANSIT, SPEEDS) == Begin(None, None, TRANSIT.order_interval_s, None, None)
+        assert Begin.of(options, TRANSIT, SPEEDS) == Begin(
+            None, None, TRANSIT.order_interval_s, None, None
+        )
 
 
 def test_options_become_what_an_episode_begins_with() -> None:

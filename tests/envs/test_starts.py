@@ -12,6 +12,7 @@ from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringEnv, SteeringVe
 from shaftline.envs.starts import LOADS, steady_states, steady_tables
 from shaftline.plant import load_ship
 
+
 def drawn(sea: Any, n: int = 400) -> Any:
     """Return significant heights [m], amplitudes [m] and phases [rad] of the seas of n episodes."""
     env = FrigateVectorEnv(n, task="transit", sea=sea, threads=1)
@@ -31,7 +32,11 @@ def test_a_sea_is_drawn_evenly_from_its_range() -> None:
 
 def test_seas_of_a_list_are_drawn_equally_often() -> None:
     heights, *_ = drawn(["calm", {"hs_m": 1.0, "tp_s": 9.0}, {"hs_m": 4.0, "tp_s": 9.0}])
-    counts = [np.sum(heights == 0.0), np.sum((0.0 < heights) & (heights < 2.0)), np.sum(heights > 2)]
+    counts = [
+        np.sum(heights == 0.0),
+        np.sum((heights > 0.0) & (heights < 2.0)),
+        np.sum(heights > 2),
+    ]
     assert sum(counts) == 400
     assert min(counts) > 100
 
