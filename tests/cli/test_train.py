@@ -18,11 +18,11 @@ RECIPE = """
 transit:
   n_envs: 4
   n_timesteps: 128
-  legs: 2
+  evaluations: 2
   n_steps: 16
   batch_size: 32
   n_epochs: 1
-  env_kwargs: {episode_s: 10.0}
+  env_kwargs: {max_episode_steps: 20}
 """
 SEARCHED = """
 transit:
@@ -32,8 +32,8 @@ transit:
   batch_size: 32
   n_epochs: 1
   learning_rate: 1.0e-3
-  legs: 1
-  env_kwargs: {episode_s: 10.0}
+  evaluations: 1
+  env_kwargs: {max_episode_steps: 20}
 """
 QUICK = ("--seeds", 2, "--episode-s", 10, "--jobs", 1)
 
@@ -55,13 +55,13 @@ def test_a_policy_is_trained_and_evaluated(
     )  # fmt: skip
     first = shaftline(*arguments)
     assert first.exit_code == 0, first.output
-    assert "in the environments" in first.output
+    assert "evaluations; the last policy is kept" in first.output
     assert f"--controller policy:{out / 'policy.npz'} --controller combinator" in first.output
     assert "--observer luenberger" in first.output
     policy = load_policy(out / "policy.npz")
     assert policy.about["seed"] == 2
     assert policy.about["recipe"]["env_kwargs"] == {
-        "episode_s": 10.0, "observer": "luenberger", "sensor_noise": 0.5,
+        "max_episode_steps": 20, "observer": "luenberger", "sensor_noise": 0.5,
     }  # fmt: skip
     assert len(json.loads((out / "curve.json").read_text())) == 2
 
@@ -101,7 +101,7 @@ def test_interrupted_says_so(
     monkeypatch.setattr("shaftline.agents.learning.training.train", stopped)
     result = shaftline("train", "--task", "transit", "--recipe", recipe, "--out", tmp_path / "out")
     assert result.exit_code == 130
-    assert "the same command goes on" in result.output
+    assert "the same command resumes there" in result.output
 
 
 def test_without_the_extra(
@@ -122,7 +122,7 @@ def test_without_the_extra(
     ("arguments", "words"),
     [
         (("--task", "race"), ("unknown task 'race'", "transit")),
-        (("--algorithm", "dqn"), ("unknown algorithm 'dqn'", "ppo, sac")),
+        (("--algorithm", "dqn"), ("unknown algorithm 'dqn'", "ppo, sac, td3")),
         (("--observer", "eye"), ("unknown observer 'eye'", "luenberger")),
         (("--ship", "fregate"), ("unknown ship 'fregate'", "frigate")),
         (("--ship", "tito-neri-sine"), ("diesel",)),
@@ -151,12 +151,11 @@ def test_bad_input(
         ("n_envs: 4", "n_envs: 9999", ("n_envs = 9999", "less than or equal to 4096")),
         ("n_steps: 16", "n_stepz: 16", ("unknown key 'n_stepz'", "n_steps")),
         (
-            "{episode_s: 10.0}",
+            "{max_episode_steps: 20}",
             "{episode: 1}",
             ("env_kwargs.episode: cannot be set", "it may set observer"),
         ),
-        ("n_epochs: 1", "form: {history: 0}", ("history", "must be from 1 to 64")),
-        ("n_epochs: 1", "weights: {joy: 1}", ("joy",)),
+        ("n_epochs: 1", "frame_stack: 0", ("frame_stack = 0", "greater than or equal to 1")),
         ("batch_size: 32", "batch_size: many", ("batch_size = 'many'", "must be a number")),
     ],
 )

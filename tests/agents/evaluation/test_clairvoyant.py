@@ -9,10 +9,10 @@ import pytest
 
 from shaftline.agents.evaluation.clairvoyant import Clairvoyant, Plan
 from shaftline.baselines.registry import make_controller
-from shaftline.envs import FrigateVectorEnv, Settings, get_task
+from shaftline.envs import CLASSIC, FrigateVectorEnv, Settings, get_task
 
 TASK = get_task("rough-sea")
-SETTINGS: dict[str, Any] = {"task": TASK, "episode_s": 25.0}
+SETTINGS: dict[str, Any] = {"task": TASK, "max_episode_steps": 50}
 SEED = 7
 LAW = make_controller("va-pitch", TASK.sailed(), 0.5)
 
@@ -30,7 +30,7 @@ def begun(episode: Clairvoyant) -> Any:
 def test_the_episode_is_the_environment_s(episode: Clairvoyant, begun: Any) -> None:
     """What a controller is followed to do gives its rewards, in the environment of the same seed."""
     _, rewards, actions = episode.sail(begun)
-    env = FrigateVectorEnv(1, threads=1, sensor_noise=0.0, observer="none", **SETTINGS)
+    env = FrigateVectorEnv(1, threads=1, sensor_noise=0.0, observer="none", **SETTINGS, **CLASSIC)
     env.reset(seed=SEED)
     for reward, action in zip(rewards, actions, strict=True):
         _, found, *_ = env.step(action[None])
@@ -59,7 +59,7 @@ def test_a_fixed_pitch_is_refused() -> None:
 def test_a_plan_gains_and_stays_within_bounds(episode: Clairvoyant, begun: Any) -> None:
     plan = episode.plan(LAW, rounds=25)
     _, before, _ = episode.sail(begun)
-    assert plan.rewards.sum() > 0.9 * before.sum()  # rewards are negative
+    assert plan.rewards.sum() > 1.02 * before.sum()
     assert plan.rounds <= 30
     assert np.abs(plan.actions).max() <= 1.0
     assert plan.actions.shape == (episode.intervals, 2)
