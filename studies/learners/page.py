@@ -73,7 +73,7 @@ def episodes_of(task: str, name: str, part: str, found: dict[str, Any]) -> NDArr
     else:
         key = f"reference_{task}_{name.replace(' ', '-')}"
         rows = [found[key][part]["values"]] if key in found else []
-    return np.array(rows, dtype=np.float64).reshape(len(rows), -1)
+    return np.atleast_2d(np.array(rows, dtype=np.float64)) if rows else np.zeros((0, 0))
 
 
 def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:

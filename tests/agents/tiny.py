@@ -37,7 +37,9 @@ def recipe(algorithm: str = "ppo", **changes: Any) -> Recipe:
 def about(task: str = "transit", **recipe_fields: Any) -> dict[str, Any]:
     """Return the description of a policy of a task, trained in the default environment."""
     vessel = get_task(task).vessel
-    keywords = {key: value for key, value in recipe_fields.items() if key in ("action_mode", "command")}
+    keywords = {
+        key: value for key, value in recipe_fields.items() if key in ("action_mode", "command")
+    }
     batch = Batch(1, Settings.of({"task": task} | keywords), get_task(task).steered)
     return {
         "layout": layout(batch), "ship_source": vessel, "control_interval_s": 0.5, "seed": 7,

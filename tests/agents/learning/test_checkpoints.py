@@ -43,7 +43,9 @@ def policy() -> Policy:
     return plain_policy()
 
 
-def kept(folder: Path, policy: Policy, *evaluations: tuple[float, float], model: Any = Noted) -> Any:
+def kept(
+    folder: Path, policy: Policy, *evaluations: tuple[float, float], model: Any = Noted
+) -> Any:
     progress = Checkpoints(folder)
     for reward, failed in evaluations:
         count = len(progress.evaluations) + 1

@@ -51,7 +51,12 @@ def test_a_section_becomes_a_recipe(mine: Path) -> None:
 
 def test_changes_go_before_the_file(mine: Path) -> None:
     plan = read_recipe(
-        "ppo", "transit", mine, n_envs=8, evaluations=1, env_kwargs={"observer": "none", "sea": "calm"}
+        "ppo",
+        "transit",
+        mine,
+        n_envs=8,
+        evaluations=1,
+        env_kwargs={"observer": "none", "sea": "calm"},
     )
     assert (plan.n_envs, plan.evaluations, plan.n_timesteps) == (8, 1, 200_000)
     assert plan.env_kwargs == {"observer": "none", "max_episode_steps": 120, "sea": "calm"}
@@ -81,7 +86,10 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ("transit: {n_envs: 1, n_timesteps: 1, seed: 2}", "unknown key 'seed'"),
         ("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}", "unknown key 'buffer_size'; PPO"),
         ("transit: {n_envs: 1, n_timesteps: 1, frame_stack: 65}", "frame_stack = 65"),
-        ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: 3}", "env_kwargs = 3: must be a mapping"),
+        (
+            "transit: {n_envs: 1, n_timesteps: 1, env_kwargs: 3}",
+            "env_kwargs = 3: must be a mapping",
+        ),
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {ship: ferry}}", r"env_kwargs\.ship"),
         *(
             (

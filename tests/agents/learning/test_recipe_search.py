@@ -179,7 +179,9 @@ def test_what_cannot_be_searched_is_refused_before_the_work(
 
 
 def test_a_dotted_key_stands_under_another() -> None:
-    found = varied(recipe(), {"policy_kwargs.log_std_init": -1.0, "env_kwargs.observer": "none", "n_envs": 2})
+    found = varied(
+        recipe(), {"policy_kwargs.log_std_init": -1.0, "env_kwargs.observer": "none", "n_envs": 2}
+    )
     assert found.hyperparameters["policy_kwargs"] == {"net_arch": [8, 8], "log_std_init": -1.0}
     assert (found.env_kwargs["observer"], found.n_envs) == ("none", 2)
     assert recipe().hyperparameters["policy_kwargs"] == {"net_arch": [8, 8]}  # left alone

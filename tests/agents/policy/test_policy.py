@@ -181,7 +181,9 @@ def test_one_observation_is_a_batch_of_one(file: Path) -> None:
     batch, _ = policy.predict(np.stack([row, row]))
     assert single.shape == (2,)
     assert batch[1] == pytest.approx(single, abs=1e-6)
-    with pytest.raises(ValueError, match=r"observations of 8 signals: the policy reads 15; make the"):
+    with pytest.raises(
+        ValueError, match=r"observations of 8 signals: the policy reads 15; make the"
+    ):
         policy.predict(np.zeros(8))
 
 
