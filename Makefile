@@ -44,13 +44,8 @@ results: $(INSTALLED)
 	$(BIN)/shaftline evaluate --out docs/results/baselines --task transit --seeds 20 \
 	    --controller combinator --controller cpp-optimiser --controller anti-spin \
 	    --sea calm --sea state-3 --sea state-5 --sea state-6 --observer all
-	for task in rough-sea calm-machinery acceleration flank silent storm speed-keeping transit; do \
-	    case $$task in rough-sea|calm-machinery) seeds="1 2 3 4 5 6 7 8 9 10";; *) seeds="1 2 3 4 5";; esac; \
-	    for seed in $$seeds; do \
-	    $(BIN)/shaftline train --task $$task --seed $$seed --out out/policies/$$task/seed-$$seed; done; done
-	$(BIN)/python -m shaftline.studies.policies --trained out/policies --out docs/results/policies
-	$(BIN)/shaftline video combinator-trimmed policy:rough-sea --task rough-sea:held-out --seed 900002 \
-	  --out docs/results/policies/film.gif
+	$(BIN)/shaftline video combinator va-pitch --task rough-sea:held-out --seed 900002 \
+	  --out docs/results/figures/film.gif
 	$(BIN)/shaftline manoeuvre --ship kvlcc2 --speed 1.18 --scale 45.7 --out out/kvlcc2
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
 	$(BIN)/python -m shaftline.studies.loops --out docs/results
@@ -61,7 +56,7 @@ results: $(INSTALLED)
 	$(BIN)/python -m shaftline.studies.observer_ranking --out docs/results
 	$(BIN)/python -m shaftline.studies.observer_features --out docs/results
 	$(BIN)/python -m shaftline.studies.intervals --out docs/results
-	$(BIN)/python -m shaftline.studies.policies.reward_terms --out docs/results/figures/reward-terms.png
+	$(BIN)/python -m shaftline.studies.learners.reward_terms --out docs/results/figures/reward-terms.png
 	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
 	$(BIN)/python -m shaftline.studies.tito_neri.effects --out docs/results
 	$(BIN)/python -m shaftline.studies.tito_neri.rig_page --out docs/results

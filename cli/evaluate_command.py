@@ -15,7 +15,7 @@ from ..agents.evaluation.episodes import Setting
 from ..agents.evaluation.kpis import KPIS
 from ..agents.evaluation.page import distinct, zero_everywhere
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
-from ..baselines import Controller
+from ..baselines.controller import Predictor
 from ..core.sweep import check_backend
 from ..envs import CLASSIC, DEFAULTS, FrigateEnv, get_task, tasks
 from ..envs.settings import EPISODE_S, LONGEST_S
@@ -119,14 +119,14 @@ def evaluate(
         for name in seas:
             if name != "task":
                 get_sea(name)
-        made: dict[str, Controller] = {}
+        made: dict[str, Predictor] = {}
         for text in controller:
             commander = load_controller(text, sailed, _INTERVAL)
             made[label(text)] = commander
         grid = itertools.product(*map(dict.fromkeys, (made, seas, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]
 
-        def make(setting: Setting) -> Controller:
+        def make(setting: Setting) -> Predictor:
             return made[setting.controller]
 
         with progress("evaluating", len(cells)) as tick:
@@ -156,7 +156,7 @@ def evaluate(
         say(f"table, cells and {picture.name}: {out}")
 
 
-def _last_frame(setting: Setting, controller: Controller) -> np.ndarray:  # type: ignore[type-arg]
+def _last_frame(setting: Setting, controller: Predictor) -> np.ndarray:  # type: ignore[type-arg]
     env = FrigateEnv(
         ship=setting.vessel,
         task=setting.task,
@@ -164,7 +164,7 @@ def _last_frame(setting: Setting, controller: Controller) -> np.ndarray:  # type
         observer=setting.observer,
         max_episode_steps=max(round(setting.episode_s / _INTERVAL), 1),
         render_mode="rgb_array",
-        **CLASSIC,
+        **getattr(controller, "interface", CLASSIC),
     )
     observation, _ = env.reset(seed=0)
     state, start, done = None, True, False

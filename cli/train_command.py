@@ -66,14 +66,14 @@ def train(
         ),
     ] = None,
 ) -> None:
-    """Train a policy for pitch and fuel rack.
+    """Train a policy for blade pitch and shaft speed or fuel rack.
 
-    The training is cut into legs. After each, the policy is judged on seas that it has not been trained
-    on, and a row is added to the curve; the last leg's policy is `policy.npz` in the output folder: one
-    file with weights, normalisation and the whole recipe, which sails without torch.
+    The policy is evaluated several times during the training, on seas that training does not draw; each
+    evaluation adds a row to the curve. The last policy is `policy.npz` in the output folder: one file
+    with weights and the whole recipe, which runs without torch.
 
-    Stop with Ctrl-C and give the same command again: it goes on behind the last whole leg and ends in
-    the same policy as if it had never been stopped. Another recipe, seed or ship needs another folder.
+    Stop with Ctrl-C and give the same command again: the training resumes after the last evaluation and
+    ends in the same policy as without the stop. Another recipe, seed or ship needs another folder.
 
     To try something, copy the package's recipe, change it and give it with `--recipe`; its keys are
     those of stable-baselines3, and docs/train.md explains those that stand beside them.
@@ -104,9 +104,9 @@ def train(
         folder = out or Path("out/train") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
         check_device(device)
-        before = _legs(folder)
+        before = _evaluations(folder)
         if before:
-            say(f"{folder}: {before} legs are there already")
+            say(f"{folder}: resumes after {before} evaluations")
         try:
             with stages("training") as tick:
                 policy = training.train(
@@ -114,9 +114,9 @@ def train(
                     tick=lambda done, total, said: tick(said, done, total),
                 )  # fmt: skip
         except KeyboardInterrupt:
-            say(f"stopped after {_legs(folder)} whole legs; the same command goes on from there")
+            say(f"stopped after {_evaluations(folder)} evaluations; the same command resumes there")
             raise typer.Exit(130) from None
-        if before == _legs(folder):
+        if before == _evaluations(folder):
             say("nothing was left to do")
         _print(policy, folder, task, plan.env_kwargs.get("observer", DEFAULTS.observer))
 
@@ -129,7 +129,7 @@ def _learning() -> tuple[Any, Any]:
     return read_recipe, training
 
 
-def _legs(folder: Path) -> int:
+def _evaluations(folder: Path) -> int:
     note = folder / "curve.json"
     return len(read_json(note)) if note.is_file() else 0
 
@@ -140,13 +140,9 @@ def _print(path: Path, folder: Path, task: str, observer: str) -> None:
     curve = pd.DataFrame(policy.curve)
     shown = curve[list(_CURVE)].rename(columns=_CURVE)
     shown["steps"] = shown["steps"].astype(int)
-    shown.insert(0, "leg", range(1, len(curve) + 1))
-    print_table(shown, f"{folder}: judged after each leg; the last is kept")
-    last = curve.iloc[-1]
-    say(
-        f"{last['seconds'] / 60.0:.1f} minutes, {last['environment_share']:.0%} of them in the "
-        "environments"
-    )
+    shown.insert(0, "evaluation", range(1, len(curve) + 1))
+    print_table(shown, f"{folder}: evaluations; the last policy is kept")
+    say(f"{curve['seconds'].iloc[-1] / 60.0:.1f} minutes")
     say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
     say("compare it with a classic controller:")
     other = "" if observer == DEFAULTS.observer else f" --observer {observer}"

@@ -64,9 +64,9 @@ def tune_recipe(
     """Search a recipe's hyperparameters for a task.
 
     Optuna's tree-structured Parzen estimator proposes; each proposal is trained on the same seeds, and
-    the task's reward after the last leg decides. What stands below the median of the others after a leg
-    is given up. The best of many trials is partly the luckiest, so in the end the given and the found
-    recipe are both trained on fresh seeds and judged on fresh seas: believe these numbers.
+    the reward at the last evaluation decides. A trial below the median of the others is stopped. The
+    best of many trials is partly the luckiest, so at the end the given and the found recipe are both
+    trained on fresh seeds and evaluated on fresh seas: believe these numbers.
 
     Searched by default: learning rate, gamma, lambda and so on, as `agents/learning/recipes/spaces.yml`
     lists them. A key is any of the recipe's, dotted where it stands under another; a range whose ends
@@ -79,7 +79,7 @@ def tune_recipe(
     Examples:
         shaftline tune-recipe --task rough-sea --timesteps 200000
 
-        shaftline tune-recipe --vary learning_rate=1e-4:1e-2 --vary form.history=4,8,16 --trials 12
+        shaftline tune-recipe --vary learning_rate=1e-4:1e-2 --vary frame_stack=1,4,8 --trials 12
 
         shaftline tune-recipe --vary env_kwargs.observer=luenberger,random-walk-kalman --seeds 3
     """
@@ -114,7 +114,7 @@ def _print(found: Any, folder: Path, task: str, algorithm: str) -> None:
     rewards = pd.DataFrame(
         {
             "reward": [np.nan if t.reward is None else t.reward for t in found.trials],
-            "last": [trial.legs[-1] for trial in found.trials],
+            "last": [trial.rewards[-1] for trial in found.trials],
         }
     )
     table = pd.concat([rewards["reward"], values.map(_short)], axis=1).rename_axis("trial")

@@ -18,8 +18,8 @@ def trials_figure(rewards: pd.DataFrame, values: pd.DataFrame) -> Figure:
     """Reward by trial, and by each value that was tried.
 
     Args:
-        rewards: by trial, the first being the recipe as given: ``reward`` after the last leg, missing
-            where a trial was given up, and ``last``, that of the last leg that was sailed.
+        rewards: by trial, first the recipe as given: ``reward`` at the last evaluation, missing
+            where a trial was stopped, and ``last``, that of its last evaluation.
         values: by trial, a column for each key.
     """
     rows = math.ceil((len(values.columns) + 1) / _COLUMNS)
@@ -32,7 +32,7 @@ def trials_figure(rewards: pd.DataFrame, values: pd.DataFrame) -> Figure:
     first, *others = axes.flat
     if len(given_up):
         first.plot(given_up.index, given_up, "x", color=THESIS, label="given up, when it was")
-    first.plot(drawn.index, drawn, "o", color=PALETTE[1], label="after the last leg")
+    first.plot(drawn.index, drawn, "o", color=PALETTE[1], label="at the last evaluation")
     first.step(whole.index, whole.cummax(), where="post", color=ESTIMATE, label="best")
     first.axhline(whole.iloc[0], color=TRUTH, linestyle="--", linewidth=1, label="as given")
     first.set(xlabel="trial", ylabel="reward", title="trials")

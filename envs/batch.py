@@ -156,7 +156,7 @@ class Batch:
         self._varied = [
             (self.ship.number(key), width) for key, width in (settings.randomise or {}).items()
         ]
-        self.command = settings.command_in(self.task)
+        self.command = settings.drive_command
         self.gains = np.zeros((3, 1))
         if self.command == "shaft-speed":
             self.gains = _governor_gains(self.ship)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from ..core.models import explained
 from ..plant import Sea, Ship, get_sea
 from .records import NOISE
-from .tasks import Command, Task
+from .tasks import Task
 
 SeaChoice = str | Sea | Mapping[str, Any] | Sequence[Any] | None
 
@@ -24,6 +24,10 @@ ACTION_MODES = ("increment", "absolute", "residual")
 
 BASE_CONTROLLER = "speed-pilot"
 """Base controller of a residual that names none."""
+
+Command = Literal["shaft-speed", "limited-rack", "fuel-rack"]
+"""What the second action commands: the set-point of a governor, a fuel rack inside the limits of idle
+speed, torque and highest speed, or the fuel rack itself."""
 
 COMMANDS: tuple[str, ...] = get_args(Command)
 """What the second action commands."""
@@ -70,7 +74,7 @@ class Settings(BaseModel):
         command: what the second action commands. ``shaft-speed``: the set-point of a governor, which
             acts at every plant step; ``limited-rack``: the fuel rack, inside the limits of idle speed,
             torque and highest speed; ``fuel-rack``: the fuel rack itself, with nothing that protects
-            the engine. The task's by default; ``limited-rack`` for a residual.
+            the engine. By default ``shaft-speed``, and ``limited-rack`` for a residual.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -123,9 +127,10 @@ class Settings(BaseModel):
         kind, _, name = self.action_mode.partition(":")
         return (name or BASE_CONTROLLER) if kind == "residual" else None
 
-    def command_in(self, task: Task) -> str:
-        """Return what the second action commands in a task."""
-        return self.command or ("limited-rack" if self.base_controller else task.command)
+    @property
+    def drive_command(self) -> str:
+        """What the second action commands, where ``command`` leaves it open too."""
+        return self.command or ("limited-rack" if self.base_controller else "shaft-speed")
 
     def steps(self, dt: float) -> int:
         """Plant steps in a control interval, for a time step ``dt`` [s].

@@ -6,7 +6,7 @@ import functools
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
@@ -20,10 +20,6 @@ def _rising(ends: tuple[float, float]) -> tuple[float, float]:
         raise ValueError("the lowest value must stand first")
     return ends
 
-
-Command = Literal["shaft-speed", "limited-rack", "fuel-rack"]
-"""What the second action commands: the set-point of a governor, a fuel rack inside the limits of idle
-speed, torque and highest speed, or the fuel rack itself."""
 
 _Number = Annotated[float, Field(strict=True)]
 Range = Annotated[tuple[_Number, _Number], AfterValidator(_rising)]
@@ -95,9 +91,6 @@ class Task(FileModel):
     track_order_m: Range = Field((0.0, 0.0), description="range of the ordered cross tracks")
     cross_current_m_s: Range = Field((0.0, 0.0), description="range of the current across")
     drift_force_kN: Range = Field((0.0, 0.0), description="range of the slow side force's mean")
-    command: Command = Field(
-        "shaft-speed", description="what the second action commands, where a user does not choose"
-    )
     goals: Goals
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
     held_out: HeldOut | None = None

@@ -37,9 +37,6 @@ RUNS, EPISODES, FIRST_SEED = 8, 60, 900_000
 NOISY = 4.0
 """Times the torque gauge's usual noise."""
 
-BASE = "speed-pilot:torque_gain=0,shaft_gain=0,pitch_gain=0,speed_gain=1"
-"""It answers to no wave and reads no estimate: all answers to waves are the policy's."""
-
 KPI = "reward"
 NOISE_OF_RUNS = 0.9
 """Standard deviation between runs [% of the reward]: ten trainings of an earlier recipe of the task."""
@@ -66,9 +63,9 @@ Written before anything was trained.
 - **Question**: does a policy that sees an observer's estimate earn more than one that does not, when
   both see shaft speed, torque, pitch and rack, from which an estimate is made?
 - **Arms**: observers {", ".join(f"`{name}`" for name in OBSERVERS)} (with `{NONE}` the estimate is
-  marked as not valid), each with a history of {" and ".join(map(str, HISTORIES))} readings of 0.5 s:
+  marked as not valid), each with the last {" and ".join(map(str, HISTORIES))} observations:
   {len(OBSERVERS) * len(HISTORIES)} arms of {RUNS} trainings, equal seeds in all. The recipe is the
-  package's for `{TASK}`, but the base is `{BASE}`, which reads no estimate and answers to no wave.
+  package's for `{TASK}`, which has no base controller.
 - **Judged** on {EPISODES} episodes of the held-out seas, the same for all, by the task's reward: with
   the usual noise; with {NOISY:g} times the torque gauge's noise; with KQ up to 5 % off, in each episode
   by another amount. The same policies in all three: nothing is trained again.
@@ -110,7 +107,7 @@ class Arm(NamedTuple):
         """Of its trainings."""
         return read_recipe(
             "ppo", TASK, env_kwargs={"observer": self.observer},
-            form={"base": BASE, "history": self.history}, **changes,
+            frame_stack=self.history, **changes,
         )  # fmt: skip
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from ...baselines import Controller, ControllerError, controller_names, make_controller
+from ...baselines import ControllerError, controller_names, make_controller
+from ...baselines.controller import Predictor
 from ...baselines.registry import CONTROLLERS, read_options
 from ...core.discovery import version_of_others
 from ...core.sweep import source_digest
@@ -22,7 +23,7 @@ def known() -> str:
     )
 
 
-def load_controller(text: str, ship: Ship, interval_s: float) -> Controller:
+def load_controller(text: str, ship: Ship, interval_s: float) -> Predictor:
     """A controller from ``NAME``, ``NAME:option=number,...`` or ``policy:FILE``.
 
     Args:
@@ -42,7 +43,7 @@ def load_controller(text: str, ship: Ship, interval_s: float) -> Controller:
     if kind != _POLICY or not source:
         raise ControllerError(f"unknown controller {text!r}; known: {known()}")
     policy = load_policy(source, ship)
-    own = float(policy.about["control_interval_s"])
+    own = policy.interval_s
     if abs(own - interval_s) > 1e-9:
         raise PolicyError(
             f"{source}: this policy does not fit: control_interval_s: the policy has {own:g} s, "

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...baselines.controller import Predictor, readings
+from ...baselines.controller import OBSERVED, Predictor, readings
 from ...core.sweep import digest_of
-from ...envs import CLASSIC, DEFAULTS, FrigateVectorEnv
+from ...envs import CLASSIC, DEFAULTS, FrigateVectorEnv, SteeringVectorEnv
 from ...envs.records import TRUTHS
 from ...envs.settings import EPISODE_S
 from ...envs.tasks import Task, get_task
@@ -91,7 +91,8 @@ def run_episodes(
 
     Args:
         setting: task, sea, observer and so on; ``sea`` ``task`` leaves the choice to the task.
-        controller: with ``predict``.
+        controller: with ``predict``; its ``interface`` holds the keywords of its environment,
+            :data:`shaftline.envs.CLASSIC` where it has none.
         first_seed: in place of the setting's; equal seeds meet equal seas whatever the controller.
         threads: that step the episodes; the machine's cores by default. They change no figure.
 
@@ -99,11 +100,13 @@ def run_episodes(
         KPIs, one row a seed; and the first seed's episode, shape (intervals, 4 + 9 + 2): time [s],
         order [m/s], pitch ratio, rack [mm], the environment's ``TRUTHS``, estimate and its validity.
     """
-    env = FrigateVectorEnv(
+    task = setting.task_model or get_task(setting.task)
+    kind = SteeringVectorEnv if task.steered else FrigateVectorEnv
+    env: FrigateVectorEnv | SteeringVectorEnv = kind(
         setting.seeds,
         threads=threads,
         ship=setting.vessel,
-        task=setting.task_model or setting.task,
+        task=task,
         sea=None if setting.sea == "task" else setting.sea,
         observer=setting.observer,
         sensor_noise=setting.sensor_noise,
@@ -111,7 +114,7 @@ def run_episodes(
         randomise=setting.randomise,
         tuning=setting.tuning,
         autoreset_mode="NextStep",  # the info of the last step is that of the episode that ended
-        **CLASSIC,
+        **getattr(controller, "interface", CLASSIC),
     )
     interval = env.batch.interval_s
     observation, _ = env.reset(seed=setting.first_seed if first_seed is None else first_seed)
@@ -120,13 +123,13 @@ def run_episodes(
     starting = alive.copy()
     state: Any = None
     trace: list[list[float]] = []
-    order = readings(observation).speed_order
+    order = _measured(env)[:, _ORDER]
     while alive.any():
         action, state = controller.predict(observation, state, starting, deterministic=True)
         observation, reward, terminated, truncated, info = env.step(action)
         sums.add(alive, info, reward, order)
         if alive[0]:
-            seen = readings(observation[0])
+            seen = readings(_measured(env)[0])
             truth = [float(info[name][0]) for name in TRUTHS]
             trace.append(
                 [len(trace) * interval, order[0], seen.pitch_ratio[0], seen.fuel_rack[0], *truth,
@@ -134,10 +137,17 @@ def run_episodes(
             )  # fmt: skip
         starting = terminated | truncated
         alive &= ~starting
-        order = readings(observation).speed_order
+        order = _measured(env)[:, _ORDER]
     env.close()
     return sums.kpis(), np.array(trace, dtype=np.float64)
 
+
+def _measured(env: FrigateVectorEnv | SteeringVectorEnv) -> NDArray[np.float64]:
+    """Return the controllers' signals of all environments in physical units, shape (n, 8)."""
+    return env.batch.signals[:, : len(OBSERVED)].astype(np.float64)
+
+
+_ORDER = OBSERVED.index("speed_order")
 
 TRACE = ("time", "speed_order", "pitch_ratio", "fuel_rack", *TRUTHS, "estimate", "valid")
 """Columns of an episode's trace."""

@@ -1,1 +1,1 @@
-"""Training: recipes, legs and checkpoints, and how a policy in training sees its environments."""
+"""Training of policies: recipes, checkpoints, tuning of classic controllers and of recipes."""

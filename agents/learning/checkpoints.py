@@ -1,7 +1,6 @@
-"""What a training has on disk: a checkpoint a leg, the curve, and in the end the policy.
+"""The folder of a training: a checkpoint after each evaluation, the curve, and at the end the policy.
 
-Checkpoints are archives of numbers: one that comes from somebody else can be gone on from and runs no
-code of theirs.
+Checkpoints are archives of numbers: a checkpoint from somebody else can be resumed and runs no code.
 """
 
 from __future__ import annotations
@@ -11,8 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import SAC
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from ...core.archives import packed, read_archive, unpacked, write_archive
 from ...core.files import read_json, write_json
@@ -29,16 +27,16 @@ class Checkpoints:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._note = folder / "curve.json"
-        self.legs: list[dict[str, float]] = []
+        self.evaluations: list[dict[str, float]] = []
         if self._note.is_file():
-            self.legs = read_json(self._note)
+            self.evaluations = read_json(self._note)
 
     def _at(self, kind: str) -> Path:
-        return self.folder / "checkpoints" / f"{kind}-{len(self.legs):02d}"
+        return self.folder / "checkpoints" / f"{kind}-{len(self.evaluations):02d}"
 
     @property
     def model(self) -> Path:
-        """Weights, optimiser and normalisation after the last whole leg."""
+        """Weights and optimiser after the last evaluation."""
         return self._at("model").with_suffix(".npz")
 
     @property
@@ -47,25 +45,25 @@ class Checkpoints:
         return self._at("buffer").with_suffix(".npz")
 
     def _curve(self) -> dict[str, list[float]]:
-        return {key: [leg[key] for leg in self.legs] for key in self.legs[0]}
+        return {key: [row[key] for row in self.evaluations] for key in self.evaluations[0]}
 
     def add(self, row: dict[str, float]) -> None:
-        """A leg more; it counts once it is kept."""
-        self.legs.append(row)
+        """Add an evaluation; it counts once :meth:`keep` has written it."""
+        self.evaluations.append(row)
 
-    def keep(self, model: Any, venv: VecNormalize, policy: Policy) -> None:
+    def keep(self, model: Any, policy: Policy) -> None:
         """Write the checkpoint, then the curve that says that it is there."""
-        write_archive(self.model, packed(_state(model, venv)))
-        if isinstance(model, SAC):
+        write_archive(self.model, packed(_state(model)))
+        if isinstance(model, OffPolicyAlgorithm):
             write_archive(self.buffer, packed(_contents(model.replay_buffer)), compressed=False)
         policy.curve = self._curve()
         policy.save(self._at("policy").with_suffix(".npz"))
-        write_json(self._note, self.legs)
+        write_json(self._note, self.evaluations)
         for old in set(self.buffer.parent.glob("buffer-*.npz")) - {self.buffer}:
-            old.unlink()  # hundreds of megabytes each, and only the last is gone on from
+            old.unlink()  # hundreds of megabytes each, and only the last is resumed from
 
-    def go_on(self, model: Any, venv: VecNormalize) -> None:
-        """Bring a model that was built anew to where the last whole leg ended.
+    def resume(self, model: Any) -> None:
+        """Bring a new model to its state after the last evaluation.
 
         Raises:
             ArchiveError: a checkpoint is missing, damaged, or larger than this training's can be.
@@ -73,19 +71,17 @@ class Checkpoints:
         state = unpacked(read_archive(self.model, _MODEL_BYTES))
         model.set_parameters(_as_tensors(state["parameters"], model.device), device=model.device)
         model.num_timesteps, model._n_updates = state["num_timesteps"], state["n_updates"]
-        for name, rms in state["normaliser"].items():
-            own: Any = getattr(venv, name)
-            own.mean, own.var, own.count = rms["mean"], rms["var"], rms["count"]
-        if isinstance(model, SAC):
-            if model.log_ent_coef is not None:  # not among the parameters, though it is learned
-                model.log_ent_coef.data.copy_(torch.as_tensor(state["log_ent_coef"]))
+        if isinstance(model, OffPolicyAlgorithm):
+            own: Any = model
+            if getattr(own, "log_ent_coef", None) is not None:  # learned, but not a parameter
+                own.log_ent_coef.data.copy_(torch.as_tensor(state["log_ent_coef"]))
             replay: Any = model.replay_buffer
             room = sum(value.nbytes for value in _contents(replay).values() if _is_array(value))
             for name, value in unpacked(read_archive(self.buffer, 2.0 * room + 1e6)).items():
                 setattr(replay, name, value)
 
     def finish(self) -> Path:
-        """The last leg's policy as the training's: the best would be chosen after the fact."""
+        """Write the last policy as that of the training: the best would be chosen after the fact."""
         policy = load_policy(self._at("policy").with_suffix(".npz"))
         path = self.folder / "policy.npz"
         policy.save(path)
@@ -99,29 +95,24 @@ def _is_array(value: Any) -> bool:
     return isinstance(value, np.ndarray)
 
 
-def _state(model: Any, venv: VecNormalize) -> dict[str, Any]:
-    """All of a model that a leg changes, its replay buffer apart, and of the normalisation."""
-    normaliser = {}
-    for name in ("obs_rms", "ret_rms"):
-        rms: Any = getattr(venv, name)
-        normaliser[name] = {"mean": rms.mean, "var": rms.var, "count": rms.count}
+def _state(model: Any) -> dict[str, Any]:
+    """Return all of a model that training changes, its replay buffer apart."""
     return {
         "parameters": model.get_parameters(),
         "num_timesteps": model.num_timesteps,
         "n_updates": model._n_updates,
         "log_ent_coef": getattr(model, "log_ent_coef", None),
-        "normaliser": normaliser,
     }
 
 
 def _contents(replay: Any) -> dict[str, Any]:
-    """What a replay buffer holds, and where it writes next."""
+    """Return the arrays of a replay buffer, and where it writes next."""
     arrays = {name: value for name, value in vars(replay).items() if _is_array(value)}
     return arrays | {"pos": replay.pos, "full": replay.full}
 
 
 def _as_tensors(tree: Any, device: Any) -> Any:
-    """A tree with its arrays as tensors."""
+    """Return a tree with its arrays as tensors."""
     if isinstance(tree, dict):
         return {key: _as_tensors(part, device) for key, part in tree.items()}
     if isinstance(tree, (list, tuple)):

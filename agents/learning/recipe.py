@@ -1,9 +1,8 @@
-"""Training recipes: hyperparameters in YAML, laid out as rl-zoo3 lays them out.
+"""Training recipes: hyperparameters in YAML, in the layout of rl-zoo3.
 
-A file holds a section a task; its keys are those of the algorithm of stable-baselines3, with ``n_envs``,
-``n_timesteps``, ``normalize`` and ``env_kwargs`` beside them, and ``lin_3e-4`` for a value that falls to
-zero along the training. How a policy is tied to the ship, ``form``, does not depend on the algorithm:
-the tasks' own forms stand in ``recipes/forms.yml``, and what a recipe says of it goes before.
+A file holds a section for each task. The keys of a section are those of the algorithm of
+stable-baselines3, with ``n_envs``, ``n_timesteps``, ``frame_stack``, ``evaluations`` and ``env_kwargs``
+beside them, and ``lin_3e-4`` for a value that falls to zero along the training.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ import inspect
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -26,19 +24,19 @@ from pydantic import (
 )
 
 from ...core.files import FileError, read_text, reason_of
-from ...core.models import FileModel, refuse_words
+from ...core.models import FileModel
 from ...core.sizes import check_size
 from ...envs import get_task
 from ...observers import ObserverError, get_observer
-from ..policy.residual import Form
+from ..policy.policy import MOST_FRAMES
 
-ALGORITHMS = ("ppo", "sac")
+ALGORITHMS = ("ppo", "sac", "td3")
 _SET_HERE = {"env", "policy", "verbose", "seed", "device", "tensorboard_log", "_init_setup_model"}
-_ENVIRONMENT = ("observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise")
-"""Keywords of the environment that a recipe may set. The others are given elsewhere, or the base
-controller depends on them: it expects observations in physical units and a command of the fuel rack.
-"""
-
+_ENVIRONMENT = (
+    "observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise", "action_mode",
+    "command",
+)  # fmt: skip
+"""Keywords of the environment that a recipe may set."""
 
 _RANGES = {
     "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0), "learning_rate": (0.0, 10.0), "tau": (0.0, 1.0),
@@ -60,28 +58,22 @@ class RecipeError(ValueError):
 class Recipe(FileModel):
     """Everything that decides a training, the seed apart."""
 
-    algorithm: Literal["ppo", "sac"]
-    task: str = Field(description="task that is sailed")
+    algorithm: Literal["ppo", "sac", "td3"]
+    task: str = Field(description="task that is trained on")
     n_envs: int = Field(ge=1, le=4096)
     n_timesteps: int = Field(ge=1, description="control intervals, all environments together")
     policy: Literal["MlpPolicy"] = "MlpPolicy"
-    normalize: bool = True
-    legs: int = Field(10, ge=1, description="parts between which it is judged and saved")
+    frame_stack: int = Field(
+        1, ge=1, le=MOST_FRAMES, description="observations that the policy sees, the last ones"
+    )
+    evaluations: int = Field(10, ge=1, description="evaluations, at each of which it is saved")
     env_kwargs: dict[str, Any] = Field(default_factory=dict)
-    form: Form = Field(default_factory=Form, description="how the policy is tied to the ship")
     hyperparameters: dict[str, Any] = Field(default_factory=dict)
 
     @field_validator("n_timesteps", mode="before")
     @classmethod
     def _whole(cls, value: Any) -> Any:
         return int(value) if isinstance(value, float) and value.is_integer() else value
-
-    @field_validator("form", mode="before")
-    @classmethod
-    def _of_numbers(cls, value: Any) -> Any:
-        if isinstance(value, dict):
-            refuse_words({k: v for k, v in value.items() if k != "base"}, (bool, str))
-        return value
 
     @field_validator("hyperparameters")
     @classmethod
@@ -132,16 +124,24 @@ def _numbers_in(value: Any) -> list[float]:
 
 
 def recipe_path(algorithm: str) -> Path:
-    """The file of recipes for an algorithm, or of forms, that comes with the package."""
+    """Return the file of recipes for an algorithm that comes with the package."""
     return Path(
         str(resources.files("shaftline.agents.learning").joinpath("recipes", f"{algorithm}.yml"))
     )
 
 
-def form_of(task: str) -> Form:
-    """The package's own form of a task's policies; the plain one where it has none."""
-    forms = yaml.safe_load(recipe_path("forms").read_text(encoding="utf-8"))
-    return Form(**forms.get(task, {}))
+def tuned_controller(task: str) -> str:
+    """Return the tuned classic controller of a task, as ``NAME:option=number,...``.
+
+    It is the best of those that ``shaftline tune`` found for the task, on the seas of the training.
+
+    Raises:
+        RecipeError: none is known for the task.
+    """
+    found = yaml.safe_load(recipe_path("tuned_controllers").read_text(encoding="utf-8"))
+    if task not in found:
+        raise RecipeError(f"no tuned controller is known for {task!r}; known: {', '.join(found)}")
+    return str(found[task])
 
 
 def read_recipe(
@@ -150,11 +150,11 @@ def read_recipe(
     """A task's section of a file of recipes.
 
     Args:
-        algorithm: ``ppo`` or ``sac``.
+        algorithm: ``ppo``, ``sac`` or ``td3``.
         task: section.
         path: file; the package's own by default.
-        changes: values that replace the file's: fields of :class:`Recipe`; those of ``env_kwargs`` and
-            ``form`` are merged.
+        changes: values that replace the file's: fields of :class:`Recipe`; those of ``env_kwargs`` are
+            merged.
 
     Raises:
         RecipeError: no such algorithm, file or section; an unknown key or a value out of range.
@@ -189,7 +189,7 @@ def recipe_of(
 
     Args:
         section: keys and values.
-        algorithm: ``ppo`` or ``sac``.
+        algorithm: ``ppo``, ``sac`` or ``td3``.
         task: the section's name.
         file: where it stands, for the message.
         changes: as of :func:`read_recipe`.
@@ -199,11 +199,9 @@ def recipe_of(
     """
     values = dict(section)
     own = {key: values.pop(key) for key in list(values) if key in Recipe.model_fields}
-    for key in ("env_kwargs", "form"):
-        if not isinstance(own.get(key) or {}, dict):
-            raise RecipeError(f"{file}: [{task}] {key} = {own[key]!r}: must be a mapping")
+    if not isinstance(own.get("env_kwargs") or {}, dict):
+        raise RecipeError(f"{file}: [{task}] env_kwargs = {own['env_kwargs']!r}: must be a mapping")
     env = (own.get("env_kwargs") or {}) | changes.pop("env_kwargs", {})
-    form = asdict(form_of(task)) | (own.get("form") or {}) | changes.pop("form", {})
     if refused := sorted(map(str, set(env) - set(_ENVIRONMENT))):
         raise RecipeError(
             f"{file}: [{task}] env_kwargs.{refused[0]}: cannot be set by a recipe; "
@@ -218,7 +216,7 @@ def recipe_of(
     try:
         recipe = Recipe.model_validate(
             {"task": task, **own, "algorithm": algorithm, "hyperparameters": values, **changes,
-             "env_kwargs": env, "form": form}
+             "env_kwargs": env}
         )  # fmt: skip
         get_task(recipe.task)
     except ValidationError as error:
@@ -233,9 +231,9 @@ def recipe_of(
 
 
 def _check_keys(file: str, task: str, algorithm: str, values: dict[str, Any]) -> None:
-    from stable_baselines3 import PPO, SAC  # torch takes seconds to import
+    from stable_baselines3 import PPO, SAC, TD3  # torch takes seconds to import
 
-    parameters = inspect.signature({"ppo": PPO, "sac": SAC}[algorithm]).parameters
+    parameters = inspect.signature({"ppo": PPO, "sac": SAC, "td3": TD3}[algorithm]).parameters
     known = set(parameters) - _SET_HERE
     for key, value in values.items():
         if key in known and isinstance(value, bool) and type(parameters[key].default) is not bool:

@@ -1,9 +1,9 @@
 """Hyperparameters of a recipe, searched for by Optuna; what is found is trained anew to be believed.
 
-The tree-structured Parzen estimator (Bergstra et al. 2011) proposes, each proposal is trained on the
-same seeds, and the task's own reward after the last leg decides; what stands below the median of the
-earlier trials after the same leg is given up. The best of many is partly the luckiest. So the recipe as
-it was and the best are both trained on seeds, and judged on seas, that decided nothing.
+The tree-structured Parzen estimator (Bergstra et al. 2011) proposes recipes. Each is trained on the same
+seeds, and the reward at the last evaluation decides; a trial below the median of the earlier ones at the
+same evaluation is stopped. The best of many is partly the luckiest. So the given recipe and the best are
+both trained on seeds, and evaluated on seas, that decided nothing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ...envs import get_task
 from ...plant import load_ship
 from ..policy.policy import load_policy
 from .recipe import Recipe, RecipeError, recipe_of, recipe_path, section_of
-from .training import judged, legs_of, sources, train
+from .training import evaluations_of, judged, sources, train
 
 FIRST_FRESH_SEA = 600_000
 """Seeds of the seas on which the found recipe and the given one are compared."""
@@ -36,7 +36,7 @@ Tick = Callable[[int, int, str], None]
 Distribution = optuna.distributions.BaseDistribution
 
 _FIXED = {
-    "algorithm": "another command", "task": "another command", "legs": "judged leg by leg",
+    "algorithm": "another command", "task": "another command", "evaluations": "they compare trials",
     "n_timesteps": "the longest would win",
 }  # fmt: skip
 _EASIER = {"sensor_noise", "max_episode_steps"}  # of env_kwargs, and of the judging
@@ -53,8 +53,8 @@ class Trial:
 
     values: dict[str, Any]
     """Of what is varied, by key."""
-    legs: list[float] = field(default_factory=list)
-    """Reward after each leg of its first training."""
+    rewards: list[float] = field(default_factory=list)
+    """Reward at each evaluation of its first training."""
     reward: float | None = None
     """After the last, mean over its trainings; None if it was given up."""
 
@@ -238,10 +238,10 @@ def search_recipe(
         rewards = []
         try:
             for one in range(seeds):
-                watch = None if one else _watch(trial, asking, legs_of(plans)[0])
-                path = trained(plans, one, at, k * seeds + one, said, after_leg=watch)
+                watch = None if one else _watch(trial, asking, evaluations_of(plans)[0])
+                path = trained(plans, one, at, k * seeds + one, said, after_evaluation=watch)
                 curve = [float(reward) for reward in load_policy(path).curve["reward"]]
-                trial.legs = trial.legs if one else curve
+                trial.rewards = trial.rewards if one else curve
                 rewards.append(curve[-1])
             trial.reward = float(np.mean(rewards))
         except _GivenUpError:
@@ -278,18 +278,20 @@ def _said(k: int, trials: int, done: list[Trial]) -> str:
     return f"trial {k + 1} of {trials}" + ("" if best is None else f", best {best:.5g}")
 
 
-def _watch(trial: Trial, asking: optuna.Trial | None, legs: int) -> Callable[[list[float]], None]:
-    """Keeps a trial's rewards leg by leg and gives it up where it is not worth its end."""
+def _watch(
+    trial: Trial, asking: optuna.Trial | None, evaluations: int
+) -> Callable[[list[float]], None]:
+    """Keeps a trial's rewards evaluation by evaluation and gives it up where it is not worth its end."""
 
-    def after_leg(rewards: list[float]) -> None:
-        for leg in range(len(trial.legs), len(rewards)):
-            trial.legs.append(rewards[leg])
+    def after_evaluation(rewards: list[float]) -> None:
+        for k in range(len(trial.rewards), len(rewards)):
+            trial.rewards.append(rewards[k])
             if asking is not None:
-                asking.report(rewards[leg], leg)
-        if asking is not None and len(rewards) < legs and asking.should_prune():
+                asking.report(rewards[k], k)
+        if asking is not None and len(rewards) < evaluations and asking.should_prune():
             raise _GivenUpError
 
-    return after_leg
+    return after_evaluation
 
 
 def _study(done: list[Trial], space: dict[str, Distribution], seed: int) -> optuna.Study:
@@ -310,7 +312,7 @@ def _study(done: list[Trial], space: dict[str, Distribution], seed: int) -> optu
                     value=trial.reward,
                     params=trial.values,
                     distributions=space,
-                    intermediate_values=dict(enumerate(trial.legs)),
+                    intermediate_values=dict(enumerate(trial.rewards)),
                 )
             )
         except ValueError:  # the recipe as it was, outside of what is searched

@@ -1,8 +1,9 @@
-"""Training a policy: interruptible, repeatable, judged on the way.
+"""Training of a policy: interruptible, repeatable, evaluated on the way.
 
-A training is cut into legs. At the start of each the environments begin anew and every generator takes a
-seed of that leg, so a training that was interrupted and goes on ends in the same policy as one that was
-not. After each leg the policy is judged on seas of its own, and the best of the legs is kept.
+A training is cut into parts, each of which ends with an evaluation. At the start of each part the
+environments begin new episodes and every generator takes a seed of that part, so a training that was
+interrupted and resumed ends in the same policy as a training without interruption. The policy after the
+last part is kept.
 """
 
 from __future__ import annotations
@@ -19,30 +20,30 @@ from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO, SAC
+from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, make_output_format
 from stable_baselines3.common.utils import set_random_seed
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import VecFrameStack, VecMonitor
 
 from ...core.archives import read_archive
 from ...core.files import write_json
 from ...core.sweep import digest_of, refuse_another, source_digest
-from ...envs import CLASSIC, DEFAULTS, get_task
+from ...envs import DEFAULTS, get_task
+from ...envs.batch import Batch
 from ...envs.sb3 import Sb3Frigates
 from ...plant import load_ship
 from ..evaluation.episodes import Setting, run_episodes
 from ..evaluation.statistics import interquartile_mean
-from ..policy.policy import Network, Policy, layout
-from ..policy.residual import ANSWERS
+from ..policy.policy import INTERFACE, Network, Policy, layout
 from .checkpoints import Checkpoints
-from .policy_env import PolicyEnv
-from .privileged_critic import PrivilegedCriticPolicy
 from .recipe import Recipe, RecipeError
 
-JUDGED_SEEDS = 24
-FIRST_JUDGED_SEED = 500_000
-"""Seeds of the seas on which the legs are judged; training's run from 0, comparisons' from 900 000."""
+EVALUATION_EPISODES = 24
+FIRST_EVALUATION_SEED = 500_000
+"""Seeds of the evaluations; those of training run from 0, those of comparisons from 900 000."""
+
+_MODELS = {"ppo": PPO, "sac": SAC, "td3": TD3}
 
 _SHOWN = ("reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "failed")
 
@@ -55,7 +56,7 @@ Tick = Callable[[int, int, str], None]
 
 
 class Falling:
-    """A value that falls linearly to zero along the whole training, whatever its legs."""
+    """A value that falls linearly to zero along the whole training, whatever its parts."""
 
     def __init__(self, value: float) -> None:
         self.value = value
@@ -110,66 +111,74 @@ def _built(recipe: Recipe, venv: Any, seed: int, device: str) -> tuple[Any, list
 
 
 def _model(recipe: Recipe, venv: Any, chosen: dict[str, Any]) -> Any:
-    if recipe.algorithm == "sac":
-        model = SAC(recipe.policy, venv, **chosen)
-        if not isinstance(model.actor.mu, torch.nn.Linear):
-            raise ValueError(
-                "with use_sde it needs policy_kwargs: {clip_mean: 0.0}, for a policy file knows no "
-                "clipped means"
-            )
-        return model
-    rollout = recipe.n_envs * int(chosen.get("n_steps", 2048))
-    chosen["batch_size"] = min(int(chosen.get("batch_size", 64)), rollout)
-    policy = dict(chosen.pop("policy_kwargs", None) or {}) | {"seen": len(recipe.form.features)}
-    return PPO(PrivilegedCriticPolicy, venv, policy_kwargs=policy, **chosen)
+    if recipe.algorithm == "ppo":
+        rollout = recipe.n_envs * int(chosen.get("n_steps", 2048))
+        chosen["batch_size"] = min(int(chosen.get("batch_size", 64)), rollout)
+    model = _MODELS[recipe.algorithm](recipe.policy, venv, **chosen)
+    if isinstance(model, SAC) and not isinstance(model.actor.mu, torch.nn.Linear):
+        raise ValueError(
+            "with use_sde it needs policy_kwargs: {clip_mean: 0.0}, for a policy file holds no "
+            "clipped means"
+        )
+    return model
+
+
+class _StaggeredFrigates(Sb3Frigates):
+    """Frigates whose first episodes end at different times.
+
+    Episodes in step would show an update only their beginnings, and the next only their ends.
+    """
+
+    def reset(self) -> Any:
+        """Begin an episode everywhere, each at another time of it."""
+        observation = super().reset()
+        batch = self.vector.batch
+        share = np.arange(self.num_envs) / self.num_envs
+        batch.elapsed[:] = (share * (batch.settings.max_episode_steps or 0)).astype(np.int64)
+        return observation
 
 
 def built(
     recipe: Recipe, seed: int, ship: str, device: str, threads: int | None = None
 ) -> tuple[Any, Any, list[Falling]]:
-    """A model that has learned nothing, its normalised environments, and the values that fall.
+    """Return an untrained model, its environments, and the values that fall along the training.
 
     Args:
-        recipe: what and how.
+        recipe: of the training.
         seed: of the weights.
         ship: preset or path.
         device: of torch.
         threads: of the environments.
     """
-    frigates = Sb3Frigates(
-        recipe.n_envs, task=recipe.task, ship=ship, threads=threads,
-        **recipe.env_kwargs, **CLASSIC,
+    venv: Any = VecMonitor(
+        _StaggeredFrigates(
+            recipe.n_envs, steered=get_task(recipe.task).steered, task=recipe.task, ship=ship,
+            threads=threads, **recipe.env_kwargs,
+        )
     )  # fmt: skip
-    piloted = PolicyEnv(frigates, recipe.form, telling=recipe.algorithm == "ppo")
-    venv = VecNormalize(piloted, norm_obs=recipe.normalize, norm_reward=recipe.normalize,
-                        gamma=float(recipe.hyperparameters.get("gamma", 0.99)))  # fmt: skip
+    if recipe.frame_stack > 1:
+        venv = VecFrameStack(venv, recipe.frame_stack)
     set_random_seed(seed)
     model, falling = _built(recipe, venv, seed, device)
     return model, venv, falling
 
 
-def network_of(model: Any, normaliser: VecNormalize, seen: int) -> Network:
-    """The deterministic part of a model of stable-baselines3, whose policy sees so many features."""
+def network_of(model: Any) -> Network:
+    """Return the deterministic part of the policy of a model of stable-baselines3."""
     policy = model.policy
     if isinstance(model, PPO):
-        hidden, last = policy.mlp_extractor.policy_net, policy.action_net
-        noise, squashed = policy.log_std.detach().cpu().numpy(), False
-        if model.use_sde:  # one column an answer, a row a unit of the last hidden layer
-            noise = np.log(np.sqrt(np.mean(np.exp(2.0 * noise), axis=0)))
+        parts, squashed = [*policy.mlp_extractor.policy_net, policy.action_net], False
+    elif isinstance(model, SAC):
+        parts, squashed = [*policy.actor.latent_pi, policy.actor.mu], True
     else:
-        hidden, last = policy.actor.latent_pi, policy.actor.mu
-        noise, squashed = np.full(len(ANSWERS), -3.0, np.float32), True
-    layers = [layer for layer in hidden if isinstance(layer, torch.nn.Linear)] + [last]
+        parts, squashed = list(policy.actor.mu), True
+    layers = [layer for layer in parts if isinstance(layer, torch.nn.Linear)]
+    hidden = parts[:-1] if isinstance(model, TD3) else parts  # its last tanh squashes
     smooth = any(isinstance(layer, torch.nn.Tanh) for layer in hidden)
-    rms: Any = normaliser.obs_rms
-    variance = rms.var[:seen]
-    # what never varied, as the estimate of an observer that gives none, taught nothing: it is not heard
-    heard = np.where(variance > normaliser.epsilon, np.sqrt(variance + normaliser.epsilon), np.inf)
     return Network(
-        np.array(rms.mean[: seen]), heard, float(normaliser.clip_obs),
         tuple(layer.weight.detach().cpu().numpy().copy() for layer in layers),
         tuple(layer.bias.detach().cpu().numpy().copy() for layer in layers),
-        "tanh" if smooth else "relu", squashed, noise,
+        "tanh" if smooth else "relu", squashed,
     )  # fmt: skip
 
 
@@ -199,7 +208,7 @@ def train(
     device: str = "auto",
     threads: int | None = None,
     tick: Tick = lambda done, total, said: None,
-    after_leg: Callable[[list[float]], None] | None = None,
+    after_evaluation: Callable[[list[float]], None] | None = None,
 ) -> Path:
     """Train a policy, or go on where an earlier call stopped.
 
@@ -211,9 +220,9 @@ def train(
         device: of torch; ``auto`` takes a GPU where there is one.
         threads: of torch and of the environments; the machine's by default. The environments' change no
             result.
-        tick: told the steps done, all steps, and the last judgement in words.
-        after_leg: told the reward after each leg so far, once the last of them is kept; what it raises
-            ends the training there.
+        tick: called with the steps done, all steps, and the last evaluation in words.
+        after_evaluation: called with the rewards of all evaluations so far, once the last is saved; an
+            exception ends the training there.
 
     Returns:
         The policy file.
@@ -231,21 +240,19 @@ def train(
     note = folder / "training.json"
     refuse_another(folder, note, plan, "training")
     progress = Checkpoints(folder)
-    legs, leg_steps = legs_of(recipe)
-    if len(progress.legs) >= legs:
+    parts, steps = evaluations_of(recipe)
+    if len(progress.evaluations) >= parts:
         return progress.finish()
     if device == "auto":
         device = "cuda" if torch.cuda.is_available() else "cpu"
     if device == "cpu":
         torch.set_num_threads(1)  # small networks: more threads cost time and repeatability
     model, venv, falling = built(recipe, seed, ship, device, threads)
-    piloted = venv.venv
-    before = progress.legs[-1] if progress.legs else {"seconds": 0.0, "environment_share": 0.0}
-    begin = time.perf_counter() - before["seconds"]
-    piloted.acting_s = before["seconds"] * before["environment_share"]
+    seconds = progress.evaluations[-1]["seconds"] if progress.evaluations else 0.0
+    begin = time.perf_counter() - seconds
     write_json(note, plan)  # only now is it known that it can begin
-    if progress.legs:
-        progress.go_on(model, venv)
+    if progress.evaluations:
+        progress.resume(model)
     formats = ["csv"]
     try:
         import tensorboard  # noqa: F401
@@ -254,40 +261,37 @@ def train(
     except ImportError:
         pass
     log = str(folder / "log")
-    suffix = f"-{len(progress.legs):02d}"  # a training that goes on keeps what is there
+    suffix = f"-{len(progress.evaluations):02d}"  # a resumed training keeps earlier logs
     model.set_logger(Logger(log, [make_output_format(kind, log, suffix) for kind in formats]))
-    said = ["not judged yet"]
+    said = ["not evaluated yet"]
     watch = _Watch(recipe, falling, tick, said)
     with closing(venv), closing(model.logger):
-        for leg in range(len(progress.legs), legs):
-            leg_seed = int(np.random.SeedSequence([seed, leg]).generate_state(1)[0] % 2**31)
-            model.set_random_seed(leg_seed)  # with the action space's, from which SAC first draws
-            venv.seed(leg_seed % 400_000)
-            model._last_obs = None  # begin anew everywhere
-            venv.returns = np.zeros(recipe.n_envs)
-            model.learn(leg_steps, callback=watch, reset_num_timesteps=False)
+        for part in range(len(progress.evaluations), parts):
+            part_seed = int(np.random.SeedSequence([seed, part]).generate_state(1)[0] % 2**31)
+            model.set_random_seed(part_seed)  # with the action space's, from which SAC first draws
+            venv.seed(part_seed % 400_000)
+            model._last_obs = None  # new episodes everywhere
+            model.learn(steps, callback=watch, reset_num_timesteps=False)
             policy = Policy(
-                network_of(model, venv, len(recipe.form.features)),
-                _about(recipe, seed, ship, piloted.venv),
+                network_of(model),
+                about_training(recipe, seed, ship, venv.get_attr("vector", [0])[0].batch),
             )
             found = judged(policy, recipe, ship, threads)
-            spent = time.perf_counter() - begin
             progress.add(
-                {"steps": model.num_timesteps, **found, "seconds": spent,
-                 "environment_share": piloted.acting_s / spent}
-            )  # fmt: skip
+                {"steps": model.num_timesteps, **found, "seconds": time.perf_counter() - begin}
+            )
             said[0] = f"reward {found['reward']:.1f}"
-            progress.keep(model, venv, policy)
+            progress.keep(model, policy)
             for name, value in found.items():
-                model.logger.record(f"judged/{name}", value)
-            if after_leg is not None:
-                after_leg([row["reward"] for row in progress.legs])
+                model.logger.record(f"evaluation/{name}", value)
+            if after_evaluation is not None:
+                after_evaluation([row["reward"] for row in progress.evaluations])
     tick(recipe.n_timesteps, recipe.n_timesteps, said[0])
     return progress.finish()
 
 
-def legs_of(recipe: Recipe) -> tuple[int, int]:
-    """Legs and steps of each: whole rollouts, so that every leg ends where one does.
+def evaluations_of(recipe: Recipe) -> tuple[int, int]:
+    """Return the number of parts of a training, and the steps of each: whole rollouts.
 
     Args:
         recipe: of the training.
@@ -295,14 +299,21 @@ def legs_of(recipe: Recipe) -> tuple[int, int]:
     rollout = recipe.n_envs
     if recipe.algorithm == "ppo":
         rollout *= int(recipe.hyperparameters.get("n_steps", 2048))
-    legs = max(min(recipe.legs, recipe.n_timesteps // rollout), 1)
-    return legs, max(round(recipe.n_timesteps / legs / rollout), 1) * rollout
+    parts = max(min(recipe.evaluations, recipe.n_timesteps // rollout), 1)
+    return parts, max(round(recipe.n_timesteps / parts / rollout), 1) * rollout
 
 
-def _about(recipe: Recipe, seed: int, ship: str, frigates: Sb3Frigates) -> dict[str, Any]:
-    batch = frigates.vector.batch
+def about_training(recipe: Recipe, seed: int, ship: str, batch: Batch) -> dict[str, Any]:
+    """Return the description of a policy for its file.
+
+    Args:
+        recipe: of the training.
+        seed: of the training.
+        ship: preset or path.
+        batch: of the environments that it was trained in.
+    """
     return {
-        "layout": layout(batch.ship, recipe.form),
+        "layout": layout(batch),
         "ship_source": ship,
         "control_interval_s": batch.interval_s,
         "recipe": recipe.model_dump(),
@@ -317,21 +328,23 @@ def judged(
     recipe: Recipe,
     ship: str,
     threads: int | None,
-    first_sea: int = FIRST_JUDGED_SEED,
+    first_sea: int = FIRST_EVALUATION_SEED,
 ) -> dict[str, float]:
-    """Interquartile means on seas of its own, by the reward that it was trained by.
+    """Return interquartile means of KPIs over episodes of the task that training does not draw.
 
     Args:
-        policy: to be sailed.
+        policy: the policy.
         recipe: that it was trained by.
         ship: preset or path.
         threads: of the environments.
         first_sea: seed of the first of the seas.
     """
-    environment = {"sea": "task", "observer": DEFAULTS.observer} | recipe.env_kwargs
+    environment = {"sea": "task", "observer": DEFAULTS.observer} | {
+        key: value for key, value in recipe.env_kwargs.items() if key not in INTERFACE
+    }
     steps = environment.pop("max_episode_steps", DEFAULTS.max_episode_steps)
     setting = Setting(
-        "policy", recipe.task, seeds=JUDGED_SEEDS, ship=ship,
+        "policy", recipe.task, seeds=EVALUATION_EPISODES, ship=ship,
         episode_s=steps * DEFAULTS.control_interval_s, **environment,
     )  # fmt: skip
     kpis, _ = run_episodes(setting, policy, first_seed=first_sea, threads=threads)

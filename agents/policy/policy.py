@@ -1,7 +1,7 @@
-"""A learned policy as one file, and as a controller: weights, normalisation, and what it was made for.
+"""A learned policy as one file: weights, and the environment that it was trained for.
 
-The file is a NumPy archive without pickled objects, so it can be loaded from anyone, and sailed without
-torch.
+The file is a NumPy archive without pickled objects, so it can be loaded from anyone, and it runs
+without torch.
 """
 
 from __future__ import annotations
@@ -18,34 +18,41 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...baselines.controller import OBSERVED, Controller, Readings
+from ...baselines.controller import resumed
 from ...core.archives import read_archive, write_archive
+from ...envs.batch import Batch
+from ...envs.settings import Settings
 from ...envs.tasks import get_task
 from ...plant import Ship
-from .residual import ANSWERS, Form, Residual
 
-FORMAT = 2
-"""Of the file: it changes where what stands in it does, or what a policy sees or answers means."""
+FORMAT = 3
+"""Format of the file: it changes where an entry, an observation or an action changes its meaning."""
 
 _ACTIVATIONS: dict[str, Callable[[Any], Any]] = {"tanh": np.tanh, "relu": partial(np.maximum, 0.0)}
+
+INTERFACE = ("action_mode", "command")
+"""Keywords of the environment that decide what an observation and an action of a policy mean."""
+
+MOST_FRAMES = 64
 
 
 class PolicyError(ValueError):
     """A policy that cannot be loaded or does not belong here; the message says what differs."""
 
 
-def layout(ship: Ship, form: Form) -> dict[str, Any]:
-    """What a policy and the ship it commands must agree on."""
-    plant = ship.record()
+def layout(batch: Batch) -> dict[str, Any]:
+    """Return what a policy and the environments that it commands must agree on."""
+    plant = batch.ship.record()
     ranges = ("pitch_ratio_min", "pitch_ratio_max", "drive_min", "drive_max", "gear_ratio",
               "engine_speed_min", "engine_speed_max")  # fmt: skip
     return {
         "format": FORMAT,
-        "ship": ship.name,
+        "ship": batch.ship.name,
         "ranges": {name: float(plant[name]) for name in ranges},
-        "observed": list(OBSERVED),
-        "features": list(form.features),
-        "answers": list(ANSWERS),
+        "observed": list(batch.observed),
+        "action_mode": batch.settings.action_mode,
+        "command": batch.command,
+        "actions": batch.actions,
     }
 
 
@@ -62,70 +69,63 @@ def _differences(own: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
 
 @dataclass(frozen=True)
 class Network:
-    """A multilayer perceptron behind a normalisation.
+    """A multilayer perceptron.
 
     Args:
-        mean: of the features, shape (f,).
-        deviation: their standard deviation; infinite where a feature never varied in training.
-        clip: of the normalised features.
         weights: of each layer, shape (out, in).
-        biases: shape (out,).
+        biases: of each layer, shape (out,).
         activation: ``tanh`` or ``relu`` between the layers.
-        squashed: whether a tanh stands behind the last layer.
-        log_deviation: of the answers' noise in training, shape (2,).
+        squashed: whether a tanh follows the last layer; otherwise actions are clipped.
 
     Raises:
-        ValueError: the layers do not fit together, or hold what is no finite number.
+        ValueError: the layers do not fit together, or a weight is not finite.
     """
 
-    mean: NDArray[np.float64]
-    deviation: NDArray[np.float64]
-    clip: float
     weights: tuple[NDArray[np.float32], ...]
     biases: tuple[NDArray[np.float32], ...]
     activation: str
     squashed: bool
-    log_deviation: NDArray[np.float32]
 
     def __post_init__(self) -> None:  # noqa: D105 (dataclasses' hook)
-        stored = (self.mean, self.deviation, self.log_deviation)
-        arrays: list[NDArray[Any]] = [*self.weights, *self.biases, *stored]
+        arrays: list[NDArray[Any]] = [*self.weights, *self.biases]
         if not self.weights or any(array.dtype.kind != "f" for array in arrays):
             raise ValueError("layers of real numbers are needed")
-        widths = [len(self.mean), *(len(bias) for bias in self.biases)]
+        if any(weight.ndim != 2 for weight in self.weights):
+            raise ValueError("the weights of a layer must have two dimensions")
+        widths = [self.weights[0].shape[1], *(len(bias) for bias in self.biases)]
         shapes = [(out, into) for into, out in pairwise(widths)]
-        if [weight.shape for weight in self.weights] != shapes or widths[-1] != len(ANSWERS):
+        if [weight.shape for weight in self.weights] != shapes:
             raise ValueError("its layers do not fit together")
-        if [array.shape for array in stored] != [(widths[0],), (widths[0],), (widths[-1],)]:
-            raise ValueError("its normalisation does not fit its layers")
-        finite = (array for array in arrays if array is not self.deviation)
-        if not (all(np.isfinite(a).all() for a in finite) and (self.deviation > 0.0).all()):
+        if not all(np.isfinite(array).all() for array in arrays):
             raise ValueError("a weight is not finite")
-        if not self.clip > 0.0 or self.activation not in _ACTIVATIONS:
-            raise ValueError(f"clip = {self.clip}, activation = {self.activation!r}")
+        if self.activation not in _ACTIVATIONS:
+            raise ValueError(f"activation = {self.activation!r}: must be tanh or relu")
 
-    def __call__(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Mean answers, shape (n, 2)."""
-        x = np.clip((features - self.mean) / self.deviation, -self.clip, self.clip)
-        x = x.astype(np.float32)
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of inputs and of outputs."""
+        return self.weights[0].shape[1], len(self.biases[-1])
+
+    def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return actions in [-1, 1], shape (n, outputs), of inputs of shape (n, inputs)."""
         act = _ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             x = act(x @ weight.T + bias)
         x = x @ self.weights[-1].T + self.biases[-1]
-        return np.asarray(np.tanh(x) if self.squashed else np.clip(x, -1.0, 1.0))
+        return np.asarray(np.tanh(x) if self.squashed else np.clip(x, -1.0, 1.0), np.float32)
 
 
-class Policy(Controller):
-    """A learned controller.
+class Policy:
+    """A learned controller with ``predict``, as the models of stable-baselines3 have it.
 
     Args:
         network: its weights.
-        about: what it was made for and with (``layout`` and the training), as JSON allows.
-        ship: that it shall command; the one that it was trained on by default.
-        curve: evaluations while it was trained: columns by name.
+        about: environment, recipe and training (``layout`` and others), as JSON allows.
+        ship: that it commands; the one that it was trained on by default.
+        curve: evaluations during the training: columns by name.
 
     Raises:
-        PolicyError: it does not belong to this version, ship or observation.
+        PolicyError: it does not fit this version, the ship or the environment.
     """
 
     def __init__(
@@ -136,43 +136,72 @@ class Policy(Controller):
         curve: Mapping[str, list[float]] | None = None,
     ) -> None:
         self.network, self.about, self.curve = network, dict(about), dict(curve or {})
-        vessel = trained_on(about) if ship is None else ship
-        form = Form(**about["recipe"].get("form", {}))
-        if said := _differences(about.get("layout", {}), layout(vessel, form)):
+        task = get_task(about["recipe"]["task"])
+        self.ship = task.sailed(about["ship_source"]) if ship is None else ship
+        self.interval_s = float(about["control_interval_s"])
+        own = about.get("layout", {})
+        self.interface: dict[str, Any] = {
+            "normalised": True, **{key: own[key] for key in INTERFACE if key in own}
+        }  # fmt: skip
+        self.frames = int(about["recipe"].get("frame_stack", 1))
+        if not 1 <= self.frames <= MOST_FRAMES:
+            raise PolicyError(f"frame_stack = {self.frames}: must be from 1 to {MOST_FRAMES}")
+        settings = {
+            "ship": self.ship, "task": about["recipe"]["task"], "observer": "none",
+            "control_interval_s": self.interval_s,
+        }  # fmt: skip
+        batch = Batch(1, Settings.of(settings | self.interface), task.steered)
+        here = layout(batch)
+        if said := _differences(own, here):
             raise PolicyError("this policy does not fit: " + "; ".join(said))
-        super().__init__(vessel, float(about["control_interval_s"]))
-        self.adapter = Residual(vessel, self.interval_s, form)
-        if len(network.mean) != len(form.features):
+        self._width = len(batch.observed)
+        if network.shape != (self.frames * self._width, batch.actions):
             raise PolicyError(
-                f"it hears {len(network.mean)} features, where its form has {len(form.features)}"
+                f"the network has {network.shape[0]} inputs and {network.shape[1]} outputs, where "
+                f"{self.frames * self._width} and {batch.actions} are needed"
             )
 
-    def fresh(self, seen: Readings) -> NDArray[np.float64]:
-        """Memory of what is seen for the first time."""
-        return self.adapter.fresh(seen)
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Return actions for one observation or a batch.
 
-    def act(
-        self, seen: Readings, memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What the base commands, and the network's mean answers beside it."""
-        answer = self.network(self.adapter.take_in(seen, memory))
-        return self.adapter.set_points(answer, seen, memory)
+        Args:
+            observation: normalised, shape (o,) or (n, o), of an environment with the keywords
+                :attr:`interface`.
+            state: second value of the last call, None at first; it stays untouched.
+            episode_start: shape (n,), true where an episode begins.
+            deterministic: without effect: the file holds no noise of the training.
 
-    def explore(
-        self, seen: Readings, memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The same with the noise that the answers had in training."""
-        answer = self.network(self.adapter.take_in(seen, memory))
-        noise = np.random.default_rng().standard_normal(answer.shape)
-        answer = answer + np.exp(self.network.log_deviation) * noise.astype(np.float32)
-        return self.adapter.set_points(answer, seen, memory)
+        Returns:
+            Actions in [-1, 1], shape (a,) or (n, a), and the state for the next call.
+
+        Raises:
+            ValueError: observations of another width.
+        """
+        table = np.atleast_2d(np.asarray(observation, dtype=np.float32))
+        if table.shape[1] != self._width:
+            raise ValueError(
+                f"observations of {table.shape[1]} signals: the policy reads {self._width}; make the "
+                f"environment with the keywords {self.interface}"
+            )
+        empty = np.zeros((len(table), self.frames * self._width), np.float32)
+        stack = resumed(state, empty, episode_start)
+        stack[:, : -self._width] = stack[:, self._width :].copy()
+        stack[:, -self._width :] = table
+        action = self.network(stack)
+        return action if np.ndim(observation) > 1 else action[0], stack
 
     def summary(self) -> str:
-        """What it was trained on, and how it was judged on the way, as text."""
+        """Return the training and its last evaluation as text."""
         recipe = self.about["recipe"]
         lines = [
             f"{recipe['algorithm'].upper()} on {recipe['task']}, ship {self.about['layout']['ship']}, "
-            f"seed {self.about.get('seed')}, a command every {self.about['control_interval_s']:g} s"
+            f"seed {self.about.get('seed')}, a command every {self.interval_s:g} s"
         ]
         if self.curve:
             last = {name: values[-1] for name, values in self.curve.items()}
@@ -180,7 +209,7 @@ class Policy(Controller):
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """What it was made for and with, and its curve, as JSON allows; the weights stay in the file."""
+        """Return environment, recipe, training and curve, as JSON allows; without the weights."""
         return self.about | {"curve": self.curve}
 
     def save(self, path: str | Path) -> None:
@@ -189,20 +218,14 @@ class Policy(Controller):
         layers: dict[str, Any] = {f"weight_{i}": w for i, w in enumerate(n.weights)}
         layers |= {f"bias_{i}": b for i, b in enumerate(n.biases)}
         about = self.about | {
-            "activation": n.activation, "squashed": n.squashed, "clip": n.clip, "curve": self.curve,
+            "activation": n.activation, "squashed": n.squashed, "curve": self.curve,
         }  # fmt: skip
         text = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-        layers |= {"mean": n.mean, "deviation": n.deviation, "log_deviation": n.log_deviation}
         write_archive(Path(path), {"about": text, **layers})
 
 
-def trained_on(about: Mapping[str, Any]) -> Ship:
-    """The ship of a policy's training, as its task has it."""
-    return get_task(about["recipe"]["task"]).sailed(about["ship_source"])
-
-
 def trained() -> dict[str, Path]:
-    """Policies that come with the package, by name."""
+    """Return the policies that come with the package, by name."""
     folder = Path(str(resources.files("shaftline.agents.policy").joinpath("trained")))
     return {path.stem: path for path in sorted(folder.glob("*.npz"))}
 
@@ -211,11 +234,11 @@ def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
     """Load a policy.
 
     Args:
-        source: file, or name of one that comes with the package.
-        ship: that it shall command; the one that it was trained on by default.
+        source: file, or name of a policy that comes with the package.
+        ship: that it commands; the one that it was trained on by default.
 
     Raises:
-        PolicyError: no such policy, not a policy file, or one that does not fit.
+        PolicyError: no such policy, not a policy file, or a policy that does not fit.
     """
     path = trained().get(str(source), Path(source))
     if not path.is_file():
@@ -227,10 +250,9 @@ def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
         about = json.loads(bytes(archive["about"]).decode())
         count = sum(name.startswith("weight_") for name in archive)
         network = Network(
-            archive["mean"], archive["deviation"], float(about["clip"]),
             tuple(archive[f"weight_{i}"] for i in range(count)),
             tuple(archive[f"bias_{i}"] for i in range(count)),
-            about["activation"], bool(about["squashed"]), archive["log_deviation"],
+            about["activation"], bool(about["squashed"]),
         )  # fmt: skip
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise PolicyError(f"{path}: not a policy file ({error})") from None
@@ -239,6 +261,4 @@ def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:
     except PolicyError as error:
         raise PolicyError(f"{path}: {error}") from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise PolicyError(
-            f"{path}: not a policy file ({error!r} in what it was made for)"
-        ) from None
+        raise PolicyError(f"{path}: not a policy file ({error!r} in its description)") from None

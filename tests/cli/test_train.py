@@ -18,7 +18,7 @@ RECIPE = """
 transit:
   n_envs: 4
   n_timesteps: 128
-  legs: 2
+  evaluations: 2
   n_steps: 16
   batch_size: 32
   n_epochs: 1
@@ -32,7 +32,11 @@ transit:
   batch_size: 32
   n_epochs: 1
   learning_rate: 1.0e-3
+<<<<<<< HEAD
   legs: 1
+=======
+  evaluations: 1
+>>>>>>> learn
   env_kwargs: {max_episode_steps: 20}
 """
 QUICK = ("--seeds", 2, "--episode-s", 10, "--jobs", 1)
@@ -55,7 +59,7 @@ def test_a_policy_is_trained_and_evaluated(
     )  # fmt: skip
     first = shaftline(*arguments)
     assert first.exit_code == 0, first.output
-    assert "in the environments" in first.output
+    assert "evaluations; the last policy is kept" in first.output
     assert f"--controller policy:{out / 'policy.npz'} --controller combinator" in first.output
     assert "--observer luenberger" in first.output
     policy = load_policy(out / "policy.npz")
@@ -101,7 +105,7 @@ def test_interrupted_says_so(
     monkeypatch.setattr("shaftline.agents.learning.training.train", stopped)
     result = shaftline("train", "--task", "transit", "--recipe", recipe, "--out", tmp_path / "out")
     assert result.exit_code == 130
-    assert "the same command goes on" in result.output
+    assert "the same command resumes there" in result.output
 
 
 def test_without_the_extra(
@@ -122,7 +126,7 @@ def test_without_the_extra(
     ("arguments", "words"),
     [
         (("--task", "race"), ("unknown task 'race'", "transit")),
-        (("--algorithm", "dqn"), ("unknown algorithm 'dqn'", "ppo, sac")),
+        (("--algorithm", "dqn"), ("unknown algorithm 'dqn'", "ppo, sac, td3")),
         (("--observer", "eye"), ("unknown observer 'eye'", "luenberger")),
         (("--ship", "fregate"), ("unknown ship 'fregate'", "frigate")),
         (("--ship", "tito-neri-sine"), ("diesel",)),
@@ -155,8 +159,12 @@ def test_bad_input(
             "{episode: 1}",
             ("env_kwargs.episode: cannot be set", "it may set observer"),
         ),
+<<<<<<< HEAD
         ("n_epochs: 1", "form: {history: 0}", ("history", "must be from 1 to 64")),
         ("n_epochs: 1", "weights: {joy: 1}", ("unknown key 'weights'",)),
+=======
+        ("n_epochs: 1", "frame_stack: 0", ("frame_stack = 0", "greater than or equal to 1")),
+>>>>>>> learn
         ("batch_size: 32", "batch_size: many", ("batch_size = 'many'", "must be a number")),
     ],
 )

@@ -58,7 +58,7 @@ def test_arms_are_trained_and_judged(tmp_path: Path, monkeypatch: pytest.MonkeyP
     arms = (Arm(NONE, 1), Arm("oracle", 2))
     monkeypatch.setattr(study, "ARMS", arms)
     monkeypatch.setattr(study, "RUNS", 2)
-    tiny = {"n_envs": 32, "n_timesteps": 2048, "legs": 1}  # one rollout
+    tiny = {"n_envs": 32, "n_timesteps": 4096, "evaluations": 1}  # one rollout
     policies = study.trained(tmp_path / "trained", 1, **tiny)
     assert {arm: len(paths) for arm, paths in policies.items()} == dict.fromkeys(arms, 2)
     stamps = [path.stat().st_mtime_ns for paths in policies.values() for path in paths]
@@ -66,7 +66,7 @@ def test_arms_are_trained_and_judged(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert stamps == [path.stat().st_mtime_ns for paths in again.values() for path in paths]
     recipe = load_policy(policies[arms[1]][0]).about["recipe"]
     assert recipe["env_kwargs"]["observer"] == "oracle"
-    assert (recipe["form"]["history"], recipe["form"]["base"]) == (2, study.BASE)
+    assert recipe["frame_stack"] == 2
     values = study.judged(policies, tmp_path, 1, seeds=1)
     assert {key: found.shape for key, found in values.items()} == {
         (condition.words, arm): (2,) for condition in study.conditions() for arm in arms

@@ -60,7 +60,7 @@ def test_what_is_known_names_the_packaged_policies() -> None:
     assert known().endswith(
         "policy:FILE.npz" + "".join(f", policy:{name}" for name in sorted(trained()))
     )
-    assert {"rough-sea", "calm-machinery"} <= set(trained())
+    assert {"rough-sea", "speed-keeping"} <= set(trained())
 
 
 def test_a_policys_label_changes_with_its_file_and_with_what_sails_it(

@@ -1,4 +1,4 @@
-"""What a training leaves on disk after each leg, and in the end."""
+"""What a training leaves on disk after each evaluation, and at the end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import SAC
-from stable_baselines3.common.running_mean_std import RunningMeanStd
 
 from shaftline.agents import Policy, load_policy
 from shaftline.agents.learning.checkpoints import Checkpoints
@@ -22,11 +21,10 @@ from ..tiny import plain_policy
 
 
 class Noted:
-    """Stands for a model and its normalisation: numbers that say which leg they are of."""
+    """Stand for a model whose numbers are the number of its part of the training."""
 
-    def __init__(self, leg: int) -> None:
-        self.num_timesteps, self._n_updates = leg, leg
-        self.obs_rms = self.ret_rms = RunningMeanStd(shape=(2,))
+    def __init__(self, part: int) -> None:
+        self.num_timesteps, self._n_updates = part, part
 
     def get_parameters(self) -> dict[str, Any]:
         return {"policy": {"weight": torch.full((2, 2), float(self.num_timesteps))}}
@@ -35,9 +33,9 @@ class Noted:
 class NotedSac(Noted, SAC):
     """The same with a replay buffer."""
 
-    def __init__(self, leg: int) -> None:
-        Noted.__init__(self, leg)
-        self.replay_buffer = SimpleNamespace(rewards=np.full(3, leg), pos=leg, full=False)  # type: ignore[assignment]
+    def __init__(self, part: int) -> None:
+        Noted.__init__(self, part)
+        self.replay_buffer = SimpleNamespace(rewards=np.full(3, part), pos=part, full=False)  # type: ignore[assignment]
 
 
 @pytest.fixture
@@ -45,18 +43,19 @@ def policy() -> Policy:
     return plain_policy()
 
 
-def kept(folder: Path, policy: Policy, *legs: tuple[float, float], model: Any = Noted) -> Any:
+def kept(
+    folder: Path, policy: Policy, *evaluations: tuple[float, float], model: Any = Noted
+) -> Any:
     progress = Checkpoints(folder)
-    for reward, failed in legs:
-        count = len(progress.legs) + 1
+    for reward, failed in evaluations:
+        count = len(progress.evaluations) + 1
         progress.add({"reward": reward, "failed": failed})
         policy.about["made"] = count
-        venv: Any = Noted(count)
-        progress.keep(model(count), venv, policy)
+        progress.keep(model(count), policy)
     return progress
 
 
-def test_a_leg_is_kept_and_found_again(tmp_path: Path, policy: Policy) -> None:
+def test_an_evaluation_is_kept_and_read_again(tmp_path: Path, policy: Policy) -> None:
     kept(tmp_path, policy, (-9.0, 0.0), (-7.0, 0.0))
     names = sorted(file.name for file in (tmp_path / "checkpoints").iterdir())
     assert names == [
@@ -66,7 +65,7 @@ def test_a_leg_is_kept_and_found_again(tmp_path: Path, policy: Policy) -> None:
         {"reward": -9.0, "failed": 0.0}, {"reward": -7.0, "failed": 0.0},
     ]  # fmt: skip
     again = Checkpoints(tmp_path)
-    assert len(again.legs) == 2
+    assert len(again.evaluations) == 2
     assert (
         unpacked(read_archive(again.model))["parameters"]["policy"]["weight"].tolist()
         == [[2.0, 2.0]] * 2
@@ -77,11 +76,11 @@ def test_a_leg_is_kept_and_found_again(tmp_path: Path, policy: Policy) -> None:
     assert again.folder == tmp_path
 
 
-def test_a_training_that_has_not_begun_has_no_legs(tmp_path: Path) -> None:
-    assert Checkpoints(tmp_path).legs == []
+def test_a_training_that_has_not_begun_has_no_evaluations(tmp_path: Path) -> None:
+    assert Checkpoints(tmp_path).evaluations == []
 
 
-def test_the_last_leg_is_the_trainings_whatever_the_others_were(
+def test_the_last_policy_is_that_of_the_training_whatever_the_others_were(
     tmp_path: Path, policy: Policy
 ) -> None:
     path = kept(tmp_path, policy, (-9.0, 0.0), (-7.0, 0.0), (-8.0, 0.1)).finish()
@@ -110,8 +109,8 @@ def test_no_code_is_run_by_a_checkpoint(tmp_path: Path, policy: Policy) -> None:
 
     progress.model.write_bytes(pickle.dumps(Bomb()))
     with pytest.raises(ValueError, match="not an archive of numbers"):
-        progress.go_on(Noted(1), Noted(1))  # type: ignore[arg-type]
+        progress.resume(Noted(1))
     np.savez(progress.model, np.array([Bomb()], dtype=object))
     with pytest.raises(ValueError, match="not an archive of numbers"):
-        progress.go_on(Noted(1), Noted(1))  # type: ignore[arg-type]
+        progress.resume(Noted(1))
     assert not mark.exists()

@@ -2,31 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from shaftline.agents import RecipeError, load_policy, read_recipe
-from shaftline.agents.learning.recipe import Recipe, form_of
+from shaftline.agents.learning.recipe import Recipe, tuned_controller
 from shaftline.agents.policy.policy import trained
+<<<<<<< HEAD
 from shaftline.agents.policy.residual import Form
 from shaftline.envs import tasks
 from shaftline.envs.settings import Settings
 
 CHOSEN = {"observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise"}
+=======
+from shaftline.baselines import make_controller
+from shaftline.envs import get_task, tasks
+from shaftline.envs.settings import Settings
+
+CHOSEN = {
+    "observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise", "action_mode",
+    "command",
+}  # fmt: skip
+>>>>>>> learn
 ELSEWHERE = sorted(set(Settings.model_fields) - CHOSEN)
-"""Keywords of the environment that would change what the base controller sees or commands."""
+"""Keywords of the environment that a recipe may not set."""
 
 MINE = """
 transit:
   n_envs: 32
   n_timesteps: 2e5
+<<<<<<< HEAD
   legs: 3
   normalize: false
   env_kwargs: {observer: oracle, max_episode_steps: 120}
   form: {pitch_reach: 0.8, history: 4}
+=======
+  evaluations: 3
+  frame_stack: 4
+  env_kwargs: {observer: oracle, max_episode_steps: 120}
+>>>>>>> learn
   n_steps: 256
   learning_rate: lin_3e-4
 """
@@ -42,18 +58,32 @@ def mine(tmp_path: Path) -> Path:
 def test_a_section_becomes_a_recipe(mine: Path) -> None:
     plan = read_recipe("ppo", "transit", mine)
     assert plan == Recipe(
+<<<<<<< HEAD
         algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, legs=3, normalize=False,
         env_kwargs={"observer": "oracle", "max_episode_steps": 120},
         form=replace(form_of("transit"), pitch_reach=0.8, history=4),
+=======
+        algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, evaluations=3,
+        frame_stack=4, env_kwargs={"observer": "oracle", "max_episode_steps": 120},
+>>>>>>> learn
         hyperparameters={"n_steps": 256, "learning_rate": "lin_3e-4"},
     )  # fmt: skip
 
 
 def test_changes_go_before_the_file(mine: Path) -> None:
     plan = read_recipe(
-        "ppo", "transit", mine, n_envs=8, legs=1, env_kwargs={"observer": "none", "sea": "calm"}
+        "ppo",
+        "transit",
+        mine,
+        n_envs=8,
+        evaluations=1,
+        env_kwargs={"observer": "none", "sea": "calm"},
     )
+<<<<<<< HEAD
     assert (plan.n_envs, plan.legs, plan.n_timesteps) == (8, 1, 200_000)
+=======
+    assert (plan.n_envs, plan.evaluations, plan.n_timesteps) == (8, 1, 200_000)
+>>>>>>> learn
     assert plan.env_kwargs == {"observer": "none", "max_episode_steps": 120, "sea": "calm"}
 
 
@@ -61,8 +91,13 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
     plan = Recipe.model_validate(
         {"algorithm": "sac", "task": "storm", "n_envs": 1, "n_timesteps": 1}
     )
+<<<<<<< HEAD
     assert (plan.legs, plan.normalize, plan.policy) == (10, True, "MlpPolicy")
     assert plan.form == Form()
+=======
+    assert (plan.evaluations, plan.frame_stack, plan.policy) == (10, 1, "MlpPolicy")
+    assert (plan.env_kwargs, plan.hyperparameters) == ({}, {})
+>>>>>>> learn
 
 
 @pytest.mark.parametrize(
@@ -72,7 +107,7 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ("transit: {n_envs: 4097, n_timesteps: 10}", "n_envs = 4097: .*less than or equal to 4096"),
         ("transit: {n_envs: 1, n_timesteps: 0}", "n_timesteps = 0"),
         ("transit: {n_envs: 1, n_timesteps: 1.5}", r"n_timesteps = 1\.5"),
-        ("transit: {n_envs: 1, n_timesteps: 1, legs: 0}", "legs = 0"),
+        ("transit: {n_envs: 1, n_timesteps: 1, evaluations: 0}", "evaluations = 0"),
         ("transit: {n_envs: 1}", "n_timesteps.*required"),
         (
             "transit: {n_envs: 1, n_timesteps: 1, n_step: 2}",
@@ -80,9 +115,17 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ),
         ("transit: {n_envs: 1, n_timesteps: 1, seed: 2}", "unknown key 'seed'"),
         ("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}", "unknown key 'buffer_size'; PPO"),
+<<<<<<< HEAD
         ("transit: {n_envs: 1, n_timesteps: 1, form: {history: 0}}", "history"),
         ("transit: {n_envs: 1, n_timesteps: 1, form: 3}", "form = 3: must be a mapping"),
         ("transit: {n_envs: 1, n_timesteps: 1, weights: {joy: 1}}", "unknown key 'weights'"),
+=======
+        ("transit: {n_envs: 1, n_timesteps: 1, frame_stack: 65}", "frame_stack = 65"),
+        (
+            "transit: {n_envs: 1, n_timesteps: 1, env_kwargs: 3}",
+            "env_kwargs = 3: must be a mapping",
+        ),
+>>>>>>> learn
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {ship: ferry}}", r"env_kwargs\.ship"),
         *(
             (
@@ -105,7 +148,7 @@ def test_recipes_that_cannot_be_used(tmp_path: Path, text: str, words: str) -> N
 
 
 def test_unknown_algorithms_and_files_are_named(tmp_path: Path) -> None:
-    with pytest.raises(RecipeError, match="unknown algorithm 'dqn'; known: ppo, sac"):
+    with pytest.raises(RecipeError, match="unknown algorithm 'dqn'; known: ppo, sac, td3"):
         read_recipe("dqn", "transit")
     with pytest.raises(RecipeError, match=r"nowhere\.yml: cannot be read"):
         read_recipe("sac", "transit", tmp_path / "nowhere.yml")
@@ -119,8 +162,8 @@ def test_each_algorithm_has_keys_of_its_own(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("algorithm", "task"),
-    [*(("ppo", task) for task in tasks()),
-     *(("sac", task) for task in ("rough-sea", "calm-machinery", "storm"))],
+    [*(("ppo", task) for task in (*tasks(), *tasks(steered=True))),
+     *(("sac", task) for task in ("rough-sea", "speed-keeping", "storm", "flank"))],
 )  # fmt: skip
 def test_tasks_have_recipes(algorithm: str, task: str) -> None:
     plan = read_recipe(algorithm, task)
@@ -132,16 +175,19 @@ def test_the_packages_recipe_is_read_and_changed() -> None:
     plan = read_recipe("ppo", "rough-sea", **changes)
     assert plan.n_envs == 8
     assert plan.env_kwargs["observer"] == "oracle"
-    assert plan.form == form_of("rough-sea")
-    assert plan.form.washout_s == 10.0
-    longer = read_recipe("ppo", "rough-sea", form={"history": 16})
-    assert longer.form == replace(plan.form, history=16)
+    assert read_recipe("ppo", "rough-sea", frame_stack=4).frame_stack == 4
     assert changes["env_kwargs"] == {"observer": "oracle"}
 
 
-def test_forms_do_not_depend_on_the_algorithm() -> None:
-    assert read_recipe("sac", "rough-sea").form == read_recipe("ppo", "rough-sea").form
-    assert form_of("no such task") == Form()
+@pytest.mark.parametrize("task", tasks())
+def test_every_task_has_a_tuned_controller(task: str) -> None:
+    controller = make_controller(tuned_controller(task), get_task(task).sailed(), 0.5)
+    assert controller.name in ("va-pitch", "speed-pilot")
+
+
+def test_a_task_without_a_tuned_controller_is_named() -> None:
+    with pytest.raises(RecipeError, match="no tuned controller is known for 'race'; known: speed"):
+        tuned_controller("race")
 
 
 @pytest.mark.parametrize("name", sorted(trained()))

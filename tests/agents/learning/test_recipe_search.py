@@ -22,7 +22,7 @@ from shaftline.agents.learning.recipe_search import (
     space_of,
     varied,
 )
-from shaftline.agents.learning.training import FIRST_JUDGED_SEED, train
+from shaftline.agents.learning.training import FIRST_EVALUATION_SEED, train
 
 from ..tiny import StopTestError, recipe
 
@@ -40,7 +40,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Any:
 def test_the_recipe_is_the_first_trial_and_the_best_is_a_recipe(whole: Any) -> None:
     found, folder = whole
     assert found.trials[0].values == {"gamma": None, "learning_rate": 1e-3}  # as given, lin_1e-3
-    assert [len(trial.legs) for trial in found.trials] == [2] * 4
+    assert [len(trial.rewards) for trial in found.trials] == [2] * 4
     rewards = [trial.reward for trial in found.trials]
     assert rewards[found.best] == max(rewards)
     assert len(set(rewards)) == 4
@@ -63,10 +63,10 @@ def test_an_interruption_changes_nothing(
         begun.append(folder)
         if len(begun) == 3:  # in the middle of the third
 
-            def stop(legs: list[float]) -> None:
+            def stop(rewards: list[float]) -> None:
                 raise StopTestError
 
-            more["after_leg"] = stop
+            more["after_evaluation"] = stop
         return train(plan, seed, folder, **more)
 
     monkeypatch.setattr(recipe_search, "train", stopped)
@@ -104,13 +104,13 @@ def test_what_is_believed_has_decided_nothing(
         "seeds": 2,
         "fresh": 2,
     }
-    found = search_recipe(recipe(legs=1), tmp_path, **given, threads=1, device="cpu")
+    found = search_recipe(recipe(evaluations=1), tmp_path, **given, threads=1, device="cpu")
     assert trained[:6] == [(f"{k:03d}", seed) for k in range(3) for seed in (0, 1)]
     ours = [("given", FIRST_FRESH_SEED), ("given", FIRST_FRESH_SEED + 1)]
     theirs = [("found", FIRST_FRESH_SEED), ("found", FIRST_FRESH_SEED + 1)] if found.best else []
     assert trained[6:] == ours + theirs
     assert set(seas) == {FIRST_FRESH_SEA}
-    assert FIRST_FRESH_SEA > FIRST_JUDGED_SEED + 1000
+    assert FIRST_FRESH_SEA > FIRST_EVALUATION_SEED + 1000
     assert found.fresh["given"] == found.fresh["found"] == [1000.0, 1001.0]
 
 
@@ -120,13 +120,13 @@ def test_a_trial_far_below_the_others_is_given_up() -> None:
     for reward, kept in ((-2.0, False), (-0.5, True)):
         trial = recipe_search.Trial({"gamma": 0.5})
         watch = _watch(trial, _study(good, space, 0).ask(space), 3)
-        watch([reward])  # the first leg gives nobody up
+        watch([reward])  # the first evaluation stops nobody
         if kept:
             watch([reward, reward])
         else:
             with pytest.raises(recipe_search._GivenUpError):
                 watch([reward, reward])
-        assert trial.legs == [reward, reward]
+        assert trial.rewards == [reward, reward]
 
 
 def test_proposals_learn_from_what_was_tried() -> None:
@@ -161,12 +161,16 @@ def test_a_range_is_read(text: str, expected: dict[str, Any]) -> None:
         ({"gamma": "0.9:nan"}, "must be LOW:HIGH"),
         ({"gamma": "0.5:5.0"}, r"gamma = 5: must be above 0 and at most 1"),
         ({"gama": "0.5:0.9"}, "unknown key 'gama'"),
+<<<<<<< HEAD
         ({"env_kwargs.max_episode_steps": "10:600"}, "the easiest would win"),
+=======
+        ({"env_kwargs.max_episode_steps": "10:20"}, "the easiest would win"),
+>>>>>>> learn
         ({"env_kwargs.sensor_noise": "0.0:1.0"}, "the easiest would win"),
         ({"env_kwargs.task": "storm,transit"}, "cannot be set by a recipe"),
         ({"env_kwargs.observer": "luenberger,nobody"}, "unknown observer 'nobody'"),
         ({"n_timesteps": "100:200"}, "the longest would win"),
-        ({"form.reach": "0:1"}, "form"),
+        ({"frame_stack": "0:4"}, "frame_stack"),
         ({"gamma.high": "0:1"}, "gamma"),
     ],
 )
@@ -179,9 +183,11 @@ def test_what_cannot_be_searched_is_refused_before_the_work(
 
 
 def test_a_dotted_key_stands_under_another() -> None:
-    found = varied(recipe(), {"policy_kwargs.log_std_init": -1.0, "form.history": 4, "n_envs": 2})
+    found = varied(
+        recipe(), {"policy_kwargs.log_std_init": -1.0, "env_kwargs.observer": "none", "n_envs": 2}
+    )
     assert found.hyperparameters["policy_kwargs"] == {"net_arch": [8, 8], "log_std_init": -1.0}
-    assert (found.form.history, found.n_envs) == (4, 2)
+    assert (found.env_kwargs["observer"], found.n_envs) == ("none", 2)
     assert recipe().hyperparameters["policy_kwargs"] == {"net_arch": [8, 8]}  # left alone
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -11,29 +10,30 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from stable_baselines3.common.vec_env import VecNormalize
 
 from shaftline.agents import Setting, load_policy, run_episodes, train
 from shaftline.agents.evaluation.statistics import interquartile_mean
 from shaftline.agents.learning import training
-from shaftline.agents.learning.policy_env import PolicyEnv
-from shaftline.agents.learning.privileged_critic import TOLD
 from shaftline.agents.learning.training import (
     Falling,
     _built,
     _Watch,
+    built,
     digest,
-    legs_of,
+    evaluations_of,
     network_of,
 )
-from shaftline.agents.policy.residual import ANSWERS, Form
 from shaftline.core import sweep
+<<<<<<< HEAD
 from shaftline.core.archives import read_archive, unpacked
 from shaftline.envs import CLASSIC, Sb3Frigates
+=======
+from shaftline.envs import Sb3Frigates
+>>>>>>> learn
 
-from ..tiny import PPO, SAC, interrupted_after_a_leg, recipe
+from ..tiny import PPO, SAC, interrupted_after_an_evaluation, recipe
 
-SEEN = len(Form().features)
+SEEN = 15
 FRIGATE = Path(__file__).parents[3] / "plant/ships/frigate.toml"
 
 
@@ -62,9 +62,9 @@ def test_equal_seeds_give_equal_policies(whole: Any, tmp_path: Path) -> None:
     assert not set(checkpoints(other)) & set(checkpoints(again))
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3"])
 def test_an_interruption_changes_nothing(whole: Any, tmp_path: Path, algorithm: str) -> None:
-    interrupted_after_a_leg(recipe(algorithm), 3, tmp_path)
+    interrupted_after_an_evaluation(recipe(algorithm), 3, tmp_path)
     assert len(json.loads((tmp_path / "curve.json").read_text())) == 1
     resumed = train(recipe(algorithm), 3, tmp_path, device="cpu")
     assert checkpoints(resumed) == checkpoints(whole(algorithm))
@@ -75,31 +75,30 @@ def test_an_interruption_changes_nothing(whole: Any, tmp_path: Path, algorithm: 
     assert len(list((tmp_path / "log").glob("progress-*.csv"))) == 2
 
 
-def test_legs_are_judged_on_seas_of_their_own_and_the_last_is_kept(whole: Any) -> None:
+def test_evaluations_have_seeds_of_their_own_and_the_last_policy_is_kept(whole: Any) -> None:
     policy = load_policy(whole("ppo"))
     assert policy.curve["steps"] == [64, 128]
     last = load_policy(whole("ppo").parent / "checkpoints/policy-02.npz")
     assert digest(whole("ppo")) == digest(whole("ppo").parent / "checkpoints/policy-02.npz")
     assert last.curve == policy.curve
-    assert 0.0 < policy.curve["environment_share"][0] < 1.0
     assert policy.about["seed"] == 3
     assert policy.about["recipe"]["hyperparameters"]["n_steps"] == 16
     assert policy.about["torch"] == torch.__version__.split("+")[0]
     cell = Setting("policy", "transit", "task", "random-walk-kalman", 24, episode_s=10.0,
                    first_seed=500_000)  # fmt: skip
-    for leg in (1, 2):
-        kept = load_policy(whole("ppo").parent / f"checkpoints/policy-{leg:02d}.npz")
+    for part in (1, 2):
+        kept = load_policy(whole("ppo").parent / f"checkpoints/policy-{part:02d}.npz")
         kpis, _ = run_episodes(cell, kept)
         for name in ("reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m"):
             expected = interquartile_mean(kpis[name])
-            assert policy.curve[name][leg - 1] == pytest.approx(expected), name
-        assert policy.curve["failed"][leg - 1] == kpis["failed"].mean()
+            assert policy.curve[name][part - 1] == pytest.approx(expected), name
+        assert policy.curve["failed"][part - 1] == kpis["failed"].mean()
 
 
-def test_every_leg_begins_with_seeds_of_its_own(
+def test_every_part_begins_with_seeds_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Below those on which legs are judged and controllers compared."""
+    """Below those of evaluations and of comparisons."""
     seeds: list[Any] = []
     plain = Sb3Frigates.seed
 
@@ -110,21 +109,57 @@ def test_every_leg_begins_with_seeds_of_its_own(
     monkeypatch.setattr(Sb3Frigates, "seed", noting)
     train(recipe(), 3, tmp_path, device="cpu")
     expected = [
-        int(np.random.SeedSequence([3, leg]).generate_state(1)[0] % 2**31) for leg in (0, 1)
+        int(np.random.SeedSequence([3, part]).generate_state(1)[0] % 2**31) for part in (0, 1)
     ]
     assert seeds[-1] == expected[1] % 400_000
     assert expected[0] % 400_000 in seeds
 
 
+<<<<<<< HEAD
 def test_legs_are_judged_as_the_recipe_sails(tmp_path: Path) -> None:
     """With its observer, noise and length of an episode."""
     kwargs = {"observer": "none", "sensor_noise": 0.0, "max_episode_steps": 12}
     plan = recipe(n_timesteps=64, legs=1, env_kwargs=kwargs)
+=======
+def test_evaluations_have_the_environment_of_the_recipe(tmp_path: Path) -> None:
+    """With its observer, noise and length of an episode."""
+    keywords = {"observer": "none", "sensor_noise": 0.0, "max_episode_steps": 12}
+    plan = recipe(n_timesteps=64, evaluations=1, env_kwargs=keywords)
+>>>>>>> learn
     policy = load_policy(train(plan, 0, tmp_path, device="cpu"))
     cell = Setting("policy", "transit", "task", "none", 24, episode_s=6.0, sensor_noise=0.0,
                    first_seed=500_000)  # fmt: skip
     kpis, _ = run_episodes(cell, policy)
     assert policy.curve["reward"] == [pytest.approx(interquartile_mean(kpis["reward"]))]
+
+
+@pytest.mark.parametrize(
+    "keywords",
+    [
+        {"action_mode": "absolute", "command": "limited-rack"},
+        {"action_mode": "residual:va-pitch"},
+    ],
+)
+def test_a_policy_keeps_the_action_mode_of_its_recipe(
+    tmp_path: Path, keywords: dict[str, str]
+) -> None:
+    plan = recipe(n_timesteps=64, evaluations=1, env_kwargs={"max_episode_steps": 12} | keywords)
+    policy = load_policy(train(plan, 0, tmp_path, device="cpu"))
+    assert policy.interface["action_mode"] == keywords["action_mode"]
+    assert policy.interface["command"] == "limited-rack"
+
+
+def test_a_steered_task_is_trained_with_its_rudder(tmp_path: Path) -> None:
+    plan = recipe(task="course-keeping", n_timesteps=64, evaluations=1)
+    policy = load_policy(train(plan, 0, tmp_path, device="cpu"))
+    assert policy.network.shape == (SEEN + 6, 3)
+    assert policy.curve["reward"][0] > 0.0
+
+
+def test_episodes_of_a_training_do_not_end_in_step() -> None:
+    _, venv, _ = built(recipe(n_envs=4), 0, "frigate", "cpu", 1)
+    venv.reset()
+    assert venv.get_attr("vector", [0])[0].batch.elapsed.tolist() == [0, 5, 10, 15]
 
 
 def test_a_finished_training_is_left_alone(whole: Any) -> None:
@@ -135,14 +170,14 @@ def test_a_finished_training_is_left_alone(whole: Any) -> None:
     assert checkpoints(whole("ppo")) == before
 
 
-def test_few_steps_are_few_legs(tmp_path: Path) -> None:
+def test_few_steps_are_few_evaluations(tmp_path: Path) -> None:
     said: list[tuple[int, int, str]] = []
     policy = load_policy(
-        train(recipe(n_timesteps=70, legs=10), 0, tmp_path, device="cpu",
+        train(recipe(n_timesteps=70, evaluations=10), 0, tmp_path, device="cpu",
               tick=lambda *told: said.append(told))
     )  # fmt: skip
     assert policy.curve["steps"] == [64]
-    assert said[0] == (4, 70, "not judged yet")
+    assert said[0] == (4, 70, "not evaluated yet")
     assert said[-1] == (70, 70, f"reward {policy.curve['reward'][0]:.1f}")
     assert (tmp_path / "log/progress-00.csv").is_file()
 
@@ -151,18 +186,18 @@ def test_few_steps_are_few_legs(tmp_path: Path) -> None:
     ("algorithm", "changes", "expected"),
     [
         ("ppo", {}, (2, 64)),
-        ("ppo", {"n_timesteps": 70, "legs": 10}, (1, 64)),
-        ("ppo", {"n_timesteps": 300, "legs": 3}, (3, 128)),
+        ("ppo", {"n_timesteps": 70, "evaluations": 10}, (1, 64)),
+        ("ppo", {"n_timesteps": 300, "evaluations": 3}, (3, 128)),
         ("ppo", {"n_timesteps": 1}, (1, 64)),
-        ("ppo", {"n_timesteps": 9000, "legs": 1, "hyperparameters": {}}, (1, 8192)),
+        ("ppo", {"n_timesteps": 9000, "evaluations": 1, "hyperparameters": {}}, (1, 8192)),
         ("sac", {}, (2, 64)),
-        ("sac", {"n_timesteps": 30, "legs": 7}, (7, 4)),
+        ("sac", {"n_timesteps": 30, "evaluations": 7}, (7, 4)),
     ],
 )
-def test_legs_are_whole_rollouts(
+def test_parts_are_whole_rollouts(
     algorithm: str, changes: dict[str, Any], expected: tuple[int, int]
 ) -> None:
-    assert legs_of(recipe(algorithm, **changes)) == expected
+    assert evaluations_of(recipe(algorithm, **changes)) == expected
 
 
 def test_falling_values_follow_the_whole_training() -> None:
@@ -183,14 +218,20 @@ def test_falling_values_follow_the_whole_training() -> None:
     assert told == [(steps, 2000, "good") for steps in (0, 10, 500, 2001)]  # 200 times in all
 
 
+<<<<<<< HEAD
 def piloted(**settings: Any) -> VecNormalize:
     frigates = Sb3Frigates(4, task="transit", max_episode_steps=20, **CLASSIC, **settings)
     return VecNormalize(PolicyEnv(frigates, Form(), telling=True))
+=======
+def frigates() -> Sb3Frigates:
+    """Return four environments without a monitor."""
+    return Sb3Frigates(4, task="transit", max_episode_steps=20)
+>>>>>>> learn
 
 
 def test_texts_become_numbers_and_falling_values() -> None:
     plan = recipe(hyperparameters=PPO | {"clip_range": "0.3", "ent_coef": "1e-2"})
-    model, falling = _built(plan, piloted(), 7, "cpu")
+    model, falling = _built(plan, frigates(), 7, "cpu")
     assert [value.value for value in falling] == [1e-3]
     assert model.clip_range(1.0) == 0.3
     assert model.ent_coef == 0.01
@@ -199,26 +240,22 @@ def test_texts_become_numbers_and_falling_values() -> None:
     assert plan.hyperparameters["policy_kwargs"] == {"net_arch": [8, 8]}
 
 
-@pytest.mark.parametrize("sde", [True, False])
-def test_a_networks_numbers_are_the_models(sde: bool) -> None:
-    venv = piloted()
-    model, _ = _built(recipe(hyperparameters=PPO | {"use_sde": sde}), venv, 0, "cpu")
-    rms: Any = venv.obs_rms
-    width = SEEN + len(TOLD)
-    rms.mean = np.arange(float(width))
-    rms.var = np.linspace(0.0, 26.0, width)
-    rms.var[3] = 1e-9
-    with torch.no_grad():
-        model.policy.log_std[...] = torch.linspace(
-            -3.0, -1.0, model.policy.log_std.numel()
-        ).reshape(model.policy.log_std.shape)
-    network = network_of(model, venv, SEEN)
-    assert network.mean.tolist() == list(range(SEEN))
-    expected = np.sqrt(rms.var[:SEEN] + 1e-8)
-    expected[[0, 3]] = np.inf  # they never varied
-    assert network.deviation == pytest.approx(expected)
-    assert (network.clip, network.activation, network.squashed) == (10.0, "tanh", False)
+@pytest.mark.parametrize(
+    ("algorithm", "activation", "squashed", "last"),
+    [
+        ("ppo", "tanh", False, lambda model: model.policy.action_net),
+        ("sac", "relu", True, lambda model: model.policy.actor.mu),
+        ("td3", "relu", True, lambda model: model.policy.actor.mu[-2]),
+    ],
+)
+def test_a_network_is_a_copy_of_the_model(
+    algorithm: str, activation: str, squashed: bool, last: Any
+) -> None:
+    model, _ = _built(recipe(algorithm), frigates(), 0, "cpu")
+    network = network_of(model)
+    assert (network.activation, network.squashed) == (activation, squashed)
     assert [w.shape for w in network.weights] == [(8, SEEN), (8, 8), (2, 8)]
+<<<<<<< HEAD
     assert np.array_equal(network.biases[2], model.policy.action_net.bias.detach().numpy())
     scale = np.exp(model.policy.log_std.detach().numpy())
     if sde:  # what the last hidden layer's units make together
@@ -237,6 +274,12 @@ def test_sac_is_squashed_and_of_relus() -> None:
     network = network_of(model, venv, SEEN)
     assert (network.activation, network.squashed) == ("relu", True)
     assert network.log_deviation.tolist() == [-3.0] * len(ANSWERS)
+=======
+    assert np.array_equal(network.biases[2], last(model).bias.detach().numpy())
+    with torch.no_grad():  # the model learns on
+        last(model).bias += 1.0
+    assert not np.array_equal(network.biases[2], last(model).bias.detach().numpy())
+>>>>>>> learn
 
 
 @pytest.mark.parametrize(
@@ -256,7 +299,7 @@ SOURCES = ("core", "plant", "observers", "baselines", "envs", "agents/learning",
 def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a training that was stopped."""
     folder = tmp_path_factory.mktemp("begun")
-    interrupted_after_a_leg(recipe(), 3, folder)
+    interrupted_after_an_evaluation(recipe(), 3, folder)
     return folder
 
 
@@ -316,17 +359,6 @@ def test_what_cannot_begin_leaves_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_normaliser_keeps_its_numbers_between_legs(whole: Any) -> None:
-    folder = whole("ppo").parent / "checkpoints"
-    rms = []
-    for leg in (1, 2):
-        state = unpacked(read_archive(folder / f"model-{leg:02d}.npz"))
-        rms.append(state["normaliser"]["obs_rms"])
-    assert rms[1]["count"] == pytest.approx(2.0 * rms[0]["count"], rel=0.1)
-    network = load_policy(folder / "policy-02.npz").network
-    assert network.mean == pytest.approx(rms[1]["mean"][:SEEN])
-
-
 def test_the_commit_is_the_checkouts(monkeypatch: pytest.MonkeyPatch) -> None:
     here = Path(training.__file__).parent
     found = subprocess.run(["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True)
@@ -337,10 +369,3 @@ def test_the_commit_is_the_checkouts(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(subprocess, "run", nowhere)
     assert training.commit() is None
-
-
-def test_exploration_is_the_recipes(whole: Any) -> None:
-    """The noise of a saved policy is a scale of its own for each answer."""
-    found = load_policy(whole("ppo")).network.log_deviation
-    assert found.shape == (len(ANSWERS),)
-    assert all(-3.0 < value < 3.0 and math.isfinite(value) for value in found.tolist())

@@ -1,6 +1,6 @@
 """Draw the goals of each task and their reward over an episode of the combinator.
 
-Run ``python -m shaftline.studies.policies.reward_terms``.
+Run ``python -m shaftline.studies.learners.reward_terms``.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""Standard learners with default hyperparameters, beside classic controllers and a bound."""

@@ -1,0 +1,235 @@
+"""The page of the standard learners: scores, returns, intervals and learning curves."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ...agents.evaluation.statistics import middle_of_runs
+from ...display.figures import PALETTE, new_figure, save
+from ...display.tables import markdown, write_table
+from ...envs.tasks import HELD_OUT
+from .bounds import STARTS, STEPS
+from .references import CONSTANT, CONTROLLERS, EPISODES, FIRST_SEED, HOLD, RANDOM, TUNED
+from .trainings import ALGORITHMS
+
+COMBINATOR = CONTROLLERS[0]
+UNTUNED = CONTROLLERS[1:]
+COMMAND = "python -m shaftline.studies.learners --out docs/results"
+_ACROSS = 3  # panels of the figure
+
+
+class Bound(NamedTuple):
+    """Clairvoyant bound of a task, in return per control interval."""
+
+    combinator: float
+    """Of the combinator in the same episodes."""
+    tuned: float
+    """Of the tuned controller; nan where the task has none."""
+    best: float
+    """Mean over episodes of the best plan."""
+    spread: float
+    """Mean over episodes of best less worst plan."""
+
+    def score(self, mean: float, combinator: float) -> float:
+        """Return the score of a mean return per interval, beside the combinator in the same episodes."""
+        return (mean - combinator) / (self.best - self.combinator)
+
+
+def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
+    """Return the bound of a task; None where plans are missing."""
+    same = found.get(f"same_{task}")
+    seeds = sorted(
+        {int(name.split("_")[-2]) for name in found if name.startswith(f"bound_{task}_")}
+    )
+    plans = [
+        [
+            found[name]["return"]
+            for start in STARTS
+            if (name := f"bound_{task}_{seed}_{start}") in found
+        ]
+        for seed in seeds
+    ]
+    if same is None or not plans or any(len(row) < len(STARTS) for row in plans):
+        return None
+    best, worst = (np.array([end(row) for row in plans]) for end in (max, min))
+    tuned = same.get(TUNED, np.nan)
+    return Bound(
+        same[COMBINATOR] / STEPS, tuned / STEPS, float(best.mean()) / STEPS,
+        float((best - worst).mean()) / STEPS,
+    )  # fmt: skip
+
+
+def episodes_of(task: str, name: str, part: str, found: dict[str, Any]) -> NDArray[np.float64]:
+    """Return episode returns of shape (trainings, episodes); no row where nothing is there."""
+    if name in ALGORITHMS:
+        rows = [v[part]["values"] for k, v in found.items() if k.startswith(f"{name}_{task}_")]
+    else:
+        key = f"reference_{task}_{name.replace(' ', '-')}"
+        rows = [found[key][part]["values"]] if key in found else []
+    return np.atleast_2d(np.array(rows, dtype=np.float64)) if rows else np.zeros((0, 0))
+
+
+def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
+    """Return a row for each task and controller: return with its interval, score, gain, failures."""
+    rows = []
+    kinds = (*CONTROLLERS, TUNED, HOLD, CONSTANT, RANDOM, *ALGORITHMS)
+    for task, part, name in itertools.product(names, ("", f":{HELD_OUT}"), kinds):
+        values = episodes_of(task, name, part, found)
+        base = episodes_of(task, COMBINATOR, part, found)
+        if not len(values) or not len(base):
+            continue
+        mean, low, high = middle_of_runs(values)
+        gain, gain_low, gain_high = middle_of_runs(values - base)
+        bound = bound_of(task, found)
+        steps = _interval_count(found)
+        rows.append(
+            {"task": f"{task}{part}", "controller": name, "trainings": len(values), "return": mean,
+             "return_low": low, "return_high": high, "gain": gain, "gain_low": gain_low,
+             "gain_high": gain_high, "score": np.nan if bound is None or part else
+             bound.score(mean / steps, float(base.mean()) / steps)}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _interval_count(found: dict[str, Any]) -> int:
+    from ...envs import DEFAULTS
+
+    return DEFAULTS.max_episode_steps or 1
+
+
+def _wide(table: pd.DataFrame, names: list[str], part: str) -> pd.DataFrame:
+    """Return controllers as rows and tasks as columns: return, and score where there is one."""
+    columns: dict[str, dict[str, str]] = {}
+    for task in names:
+        rows = table[table["task"] == f"{task}{part}"]
+        columns[task] = {
+            row["controller"]: f"{row['return']:.0f}"
+            + ("" if np.isnan(row["score"]) else f" ({row['score']:.2f})")
+            for _, row in rows.iterrows()
+        }
+    return pd.DataFrame(columns).fillna("–").rename_axis("controller").reset_index()
+
+
+def _targets(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    """Return, for each learner and task, the gain over the combinator and the best untuned classic."""
+    rows = []
+    for task, name in itertools.product(names, ALGORITHMS):
+        here = table[table["task"] == task].set_index("controller")
+        if name not in here.index:
+            continue
+        one = here.loc[name]
+        classic = here.loc[[c for c in UNTUNED if c in here.index], "return"]
+        rows.append(
+            (task, name, int(one["trainings"]),
+             f"{one['gain']:+.0f} ({one['gain_low']:+.0f} to {one['gain_high']:+.0f})",
+             "yes" if one["gain_low"] > 0.0 else "no" if one["gain_high"] < 0.0 else "not decided",
+             f"{classic.idxmax()} {classic.max():.0f}",
+             "yes" if one["return_low"] > classic.max() else "no")
+        )  # fmt: skip
+    return pd.DataFrame(
+        rows,
+        columns=["task", "learner", "trainings", "return less the combinator's", "beats it",
+                 "best untuned classic controller", "beats it, too"],
+    )  # fmt: skip
+
+
+def _bounds(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
+    rows = []
+    for task in names:
+        bound = bound_of(task, found)
+        if bound is not None:
+            gap = (bound.best - bound.tuned) / (bound.best - bound.combinator)
+            rows.append((task, *(STEPS * np.array(bound)), 100.0 * gap))
+    return pd.DataFrame(
+        rows,
+        columns=["task", "combinator", "tuned controller", "bound", "spread of the starts",
+                 "gap of the tuned controller [% of the score]"],
+    )  # fmt: skip
+
+
+def curves(names: list[str], found: dict[str, Any]) -> Figure:
+    """Draw the return over the steps of each training, task by task."""
+    rows = -(-len(names) // _ACROSS)
+    figure, axes = new_figure(rows, _ACROSS, (11.0, 2.6 * rows))
+    for axis, task in itertools.zip_longest(axes.flat, names):
+        if task is None:
+            axis.set_visible(False)
+            continue
+        for k, name in enumerate(ALGORITHMS):
+            runs = [v["curve"] for key, v in found.items() if key.startswith(f"{name}_{task}_")]
+            for j, run in enumerate(runs):
+                x, y, _ = np.array(run).T
+                axis.plot(1e-3 * x, y, color=PALETTE[k], lw=0.9, label=name if not j else None)
+        for name, style in ((COMBINATOR, "--"), ("va-pitch", ":"), (TUNED, "-.")):
+            values = episodes_of(task, name, "", found)
+            if len(values):
+                axis.axhline(values.mean(), color="black", lw=0.8, ls=style, label=name)
+        axis.set_title(task, fontsize=9, loc="left")
+        axis.tick_params(labelsize=7)
+    axes.flat[0].legend(fontsize=6, frameon=False)
+    for axis in axes[-1]:
+        axis.set_xlabel("control intervals [thousand]", fontsize=8)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("return", fontsize=8)
+    return figure
+
+
+_TEXT = """\
+The learners are those of stable-baselines3 and sb3-contrib with their default hyperparameters and
+default policies (`MlpPolicy`, `MlpLstmPolicy`), from scratch, on
+`gymnasium.make("shaftline/Frigate-v0", task=TASK)` (`Steering-v0` for the steered tasks): one
+environment, default keywords, no base controller. Each is a mean over its trainings; none is chosen.
+Returns are sums of rewards over 600 intervals, so 600 is the most that the reward allows; {episodes}
+episodes from seed {first}, which no training draws. In brackets the **score**: 0 is the combinator, 1
+the clairvoyant bound below.
+
+`hold` never changes the first commands; `best constant` is the best of 81 constant commands, chosen on
+8 other episodes; `random` draws increments evenly. `tuned controller` is the best classic law that
+`shaftline tune` found for the task."""
+
+_BOUND_TEXT = """\
+A plan knows the waves and the resistance that come, but an order only from when it is given
+([how](../evaluate.md#the-bound)). Returns over {steps} intervals of {n} episodes. Plans start from the
+commands of {starts}; the bound is the best of them, episode by episode, and the spread is the best less
+the worst, a measure of how far the local optima differ. The true bound may lie higher."""
+
+
+def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
+    """Write page, table and figure.
+
+    Args:
+        folder: of the results.
+        names: tasks.
+        found: results by name of their cells.
+    """
+    table = table_of(names, found)
+    save(curves(names, found), folder / "figures" / "learners.png")
+    budget: dict[str, set[int]] = {}
+    for key in found:
+        algorithm = key.split("_")[0]
+        if algorithm in ALGORITHMS:
+            budget.setdefault(algorithm, set()).add(int(key.split("_")[-1]))
+    steps = ", ".join(f"{name} {max(counts):,}" for name, counts in budget.items())
+    seeds = {k.split("_")[2] for k in found if k.startswith("bound_")}
+    parts = [
+        _TEXT.format(episodes=EPISODES, first=FIRST_SEED) + f" Control intervals: {steps}.",
+        "## Seas of the training", markdown(_wide(table, names, "")),
+        "## Learners against classic controllers",
+        "95 % intervals are over trainings and episodes together; a gain counts where its interval lies "
+        "above zero.",
+        markdown(_targets(table, names)),
+        "![Learning curves](figures/learners.png)",
+        "## Held-out seas", markdown(_wide(table, names, f":{HELD_OUT}")),
+        "## Bounds",
+        _BOUND_TEXT.format(steps=STEPS, n=len(seeds), starts=", ".join(f"`{s}`" for s in STARTS)),
+        markdown(_bounds(names, found)),
+    ]  # fmt: skip
+    write_table(folder, "learners", "Standard learners", COMMAND, table, "\n\n".join(parts))
+    return folder / "learners.md"

@@ -1,5 +1,0 @@
-"""``python -m shaftline.studies.policies``."""
-
-from .command import main
-
-main()
