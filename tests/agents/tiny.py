@@ -25,36 +25,17 @@ HYPERPARAMETERS = {"ppo": PPO, "sac": SAC, "td3": SAC}
 
 
 def recipe(algorithm: str = "ppo", **changes: Any) -> Recipe:
-<<<<<<< HEAD
-    """Return a recipe of two legs of 64 steps in four environments."""
-    fields: dict[str, Any] = {
-        "algorithm": algorithm, "task": "transit", "n_envs": 4, "n_timesteps": 128, "legs": 2,
-        "env_kwargs": {"max_episode_steps": 20}, "hyperparameters": PPO if algorithm == "ppo" else SAC,
-=======
     """Return a training of two evaluations, 64 steps each, in four environments."""
     fields: dict[str, Any] = {
         "algorithm": algorithm, "task": "transit", "n_envs": 4, "n_timesteps": 128,
         "evaluations": 2, "env_kwargs": {"max_episode_steps": 20},
         "hyperparameters": HYPERPARAMETERS[algorithm],
->>>>>>> learn
     }  # fmt: skip
     return Recipe.model_validate(fields | changes)
 
 
-<<<<<<< HEAD
-def plain_policy(task: str = "transit", form: Form | None = None) -> Policy:
-    """Return a policy whose answers are 0."""
-    form = form or Form()
-    n, answers = len(form.features), len(ANSWERS)
-    network = Network(
-        np.zeros(n), np.ones(n), 10.0, (np.zeros((answers, n), np.float32),),
-        (np.zeros(answers, np.float32),), "tanh", False, np.zeros(answers, np.float32),
-    )  # fmt: skip
-    plan = {"task": task, "algorithm": "ppo", "form": asdict(form), "env_kwargs": {}}
-=======
 def about(task: str = "transit", **recipe_fields: Any) -> dict[str, Any]:
     """Return the description of a policy of a task, trained in the default environment."""
->>>>>>> learn
     vessel = get_task(task).vessel
     keywords = {
         key: value for key, value in recipe_fields.items() if key in ("action_mode", "command")

@@ -32,11 +32,7 @@ transit:
   batch_size: 32
   n_epochs: 1
   learning_rate: 1.0e-3
-<<<<<<< HEAD
-  legs: 1
-=======
   evaluations: 1
->>>>>>> learn
   env_kwargs: {max_episode_steps: 20}
 """
 QUICK = ("--seeds", 2, "--episode-s", 10, "--jobs", 1)
@@ -159,12 +155,7 @@ def test_bad_input(
             "{episode: 1}",
             ("env_kwargs.episode: cannot be set", "it may set observer"),
         ),
-<<<<<<< HEAD
-        ("n_epochs: 1", "form: {history: 0}", ("history", "must be from 1 to 64")),
-        ("n_epochs: 1", "weights: {joy: 1}", ("unknown key 'weights'",)),
-=======
         ("n_epochs: 1", "frame_stack: 0", ("frame_stack = 0", "greater than or equal to 1")),
->>>>>>> learn
         ("batch_size: 32", "batch_size: many", ("batch_size = 'many'", "must be a number")),
     ],
 )

@@ -92,15 +92,12 @@ def test_keywords_out_of_range_are_named(keywords: dict[str, Any], words: str) -
         Settings.of(keywords)
 
 
-def test_the_second_action_commands_what_the_task_says_unless_chosen() -> None:
-    transit, rough = get_task("transit"), get_task("rough-sea")
-    assert Settings().command_in(transit) == transit.command == "shaft-speed"
-    assert Settings(command="fuel-rack").command_in(rough) == "fuel-rack"
-    assert {Settings().command_in(rough), rough.command} == {"limited-rack"}
-    for task in (transit, rough):
-        assert Settings(action_mode="residual").command_in(task) == "limited-rack"
-        chosen = Settings(action_mode="residual", command="fuel-rack")
-        assert chosen.command_in(task) == "fuel-rack"
+def test_the_second_action_commands_the_shaft_speed_unless_chosen() -> None:
+    assert Settings().drive_command == "shaft-speed"
+    assert Settings(command="fuel-rack").drive_command == "fuel-rack"
+    assert Settings(action_mode="residual").drive_command == "limited-rack"
+    chosen = Settings(action_mode="residual", command="fuel-rack")
+    assert chosen.drive_command == "fuel-rack"
 
 
 def test_a_residual_names_its_base_controller() -> None:

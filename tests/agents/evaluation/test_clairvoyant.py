@@ -30,13 +30,7 @@ def begun(episode: Clairvoyant) -> Any:
 def test_the_episode_is_the_environment_s(episode: Clairvoyant, begun: Any) -> None:
     """What a controller is followed to do gives its rewards, in the environment of the same seed."""
     _, rewards, actions = episode.sail(begun)
-<<<<<<< HEAD
-    env = FrigateVectorEnv(
-        1, threads=1, sensor_noise=0.0, observer="none", **SETTINGS, **CLASSIC
-    )  # fmt: skip
-=======
     env = FrigateVectorEnv(1, threads=1, sensor_noise=0.0, observer="none", **SETTINGS, **CLASSIC)
->>>>>>> learn
     env.reset(seed=SEED)
     for reward, action in zip(rewards, actions, strict=True):
         _, found, *_ = env.step(action[None])
@@ -62,20 +56,10 @@ def test_a_fixed_pitch_is_refused() -> None:
         Clairvoyant(Settings.of(SETTINGS | {"ship": fixed}), SEED)
 
 
-def test_an_episode_without_an_end_is_refused() -> None:
-    with pytest.raises(ValueError, match="max_episode_steps = None: a plan needs an episode with"):
-        Clairvoyant(Settings.of(SETTINGS | {"max_episode_steps": None}), SEED)
-
-
 def test_a_plan_gains_and_stays_within_bounds(episode: Clairvoyant, begun: Any) -> None:
     plan = episode.plan(LAW, rounds=25)
     _, before, _ = episode.sail(begun)
-<<<<<<< HEAD
-    assert plan.rewards.sum() >= before.sum()
-    assert 0.0 <= plan.rewards.min() <= plan.rewards.max() <= 1.0
-=======
     assert plan.rewards.sum() > 1.02 * before.sum()
->>>>>>> learn
     assert plan.rounds <= 30
     assert np.abs(plan.actions).max() <= 1.0
     assert plan.actions.shape == (episode.intervals, 2)

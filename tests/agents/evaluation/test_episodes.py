@@ -114,11 +114,7 @@ def test_the_task_may_choose_the_sea() -> None:
     own = run_episodes(replace(CELL, sea="task"), Still())[0]
     env = FrigateVectorEnv(
         3, task="transit", max_episode_steps=40, observer=CELL.observer, **CLASSIC
-<<<<<<< HEAD
-    )  # fmt: skip
-=======
     )
->>>>>>> learn
     env.reset(seed=0)
     rewards = sum(env.step(np.tile([0.5, 0.1], (3, 1)))[1] for _ in range(40))
     assert own["reward"].to_numpy() == pytest.approx(rewards)
@@ -158,23 +154,14 @@ def test_a_stall_counts_once_and_ends_the_episode() -> None:
     speeds = trace[:, TRACE.index("shaft_speed")]
     assert speeds[-1] < 0.35 * 350.0 / 1000.0 * 14.19  # the last row is of the end, not of the next
     assert (np.diff(speeds[-5:]) < 0.0).all()
-<<<<<<< HEAD
-    assert (kpis["reward"] > 0.0).all()
-    assert kpis["reward"][0] < len(trace) - 1  # the interval of the failure has no reward
-=======
     assert (kpis["reward"] >= 0.0).all()
     assert (kpis["reward"] < len(trace)).all()  # the interval of the failure earns nothing
->>>>>>> learn
 
 
 def test_defaults_are_the_environments() -> None:
     cell = Setting("off", "transit", "calm", "none", seeds=2)
     assert (cell.ship, cell.episode_s, cell.sensor_noise, cell.task_model, cell.first_seed) == (
-<<<<<<< HEAD
-        DEFAULTS.ship, 300.0, DEFAULTS.sensor_noise, None, 0,
-=======
         DEFAULTS.ship, EPISODE_S, DEFAULTS.sensor_noise, None, 0,
->>>>>>> learn
     )  # fmt: skip
 
 

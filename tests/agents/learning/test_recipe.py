@@ -10,13 +10,6 @@ import pytest
 from shaftline.agents import RecipeError, load_policy, read_recipe
 from shaftline.agents.learning.recipe import Recipe, tuned_controller
 from shaftline.agents.policy.policy import trained
-<<<<<<< HEAD
-from shaftline.agents.policy.residual import Form
-from shaftline.envs import tasks
-from shaftline.envs.settings import Settings
-
-CHOSEN = {"observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise"}
-=======
 from shaftline.baselines import make_controller
 from shaftline.envs import get_task, tasks
 from shaftline.envs.settings import Settings
@@ -25,7 +18,6 @@ CHOSEN = {
     "observer", "tuning", "sea", "sensor_noise", "max_episode_steps", "randomise", "action_mode",
     "command",
 }  # fmt: skip
->>>>>>> learn
 ELSEWHERE = sorted(set(Settings.model_fields) - CHOSEN)
 """Keywords of the environment that a recipe may not set."""
 
@@ -33,16 +25,9 @@ MINE = """
 transit:
   n_envs: 32
   n_timesteps: 2e5
-<<<<<<< HEAD
-  legs: 3
-  normalize: false
-  env_kwargs: {observer: oracle, max_episode_steps: 120}
-  form: {pitch_reach: 0.8, history: 4}
-=======
   evaluations: 3
   frame_stack: 4
   env_kwargs: {observer: oracle, max_episode_steps: 120}
->>>>>>> learn
   n_steps: 256
   learning_rate: lin_3e-4
 """
@@ -58,14 +43,8 @@ def mine(tmp_path: Path) -> Path:
 def test_a_section_becomes_a_recipe(mine: Path) -> None:
     plan = read_recipe("ppo", "transit", mine)
     assert plan == Recipe(
-<<<<<<< HEAD
-        algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, legs=3, normalize=False,
-        env_kwargs={"observer": "oracle", "max_episode_steps": 120},
-        form=replace(form_of("transit"), pitch_reach=0.8, history=4),
-=======
         algorithm="ppo", task="transit", n_envs=32, n_timesteps=200_000, evaluations=3,
         frame_stack=4, env_kwargs={"observer": "oracle", "max_episode_steps": 120},
->>>>>>> learn
         hyperparameters={"n_steps": 256, "learning_rate": "lin_3e-4"},
     )  # fmt: skip
 
@@ -79,11 +58,7 @@ def test_changes_go_before_the_file(mine: Path) -> None:
         evaluations=1,
         env_kwargs={"observer": "none", "sea": "calm"},
     )
-<<<<<<< HEAD
-    assert (plan.n_envs, plan.legs, plan.n_timesteps) == (8, 1, 200_000)
-=======
     assert (plan.n_envs, plan.evaluations, plan.n_timesteps) == (8, 1, 200_000)
->>>>>>> learn
     assert plan.env_kwargs == {"observer": "none", "max_episode_steps": 120, "sea": "calm"}
 
 
@@ -91,13 +66,8 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
     plan = Recipe.model_validate(
         {"algorithm": "sac", "task": "storm", "n_envs": 1, "n_timesteps": 1}
     )
-<<<<<<< HEAD
-    assert (plan.legs, plan.normalize, plan.policy) == (10, True, "MlpPolicy")
-    assert plan.form == Form()
-=======
     assert (plan.evaluations, plan.frame_stack, plan.policy) == (10, 1, "MlpPolicy")
     assert (plan.env_kwargs, plan.hyperparameters) == ({}, {})
->>>>>>> learn
 
 
 @pytest.mark.parametrize(
@@ -115,17 +85,11 @@ def test_a_recipe_without_more_than_its_size_is_plain() -> None:
         ),
         ("transit: {n_envs: 1, n_timesteps: 1, seed: 2}", "unknown key 'seed'"),
         ("transit: {n_envs: 1, n_timesteps: 1, buffer_size: 2}", "unknown key 'buffer_size'; PPO"),
-<<<<<<< HEAD
-        ("transit: {n_envs: 1, n_timesteps: 1, form: {history: 0}}", "history"),
-        ("transit: {n_envs: 1, n_timesteps: 1, form: 3}", "form = 3: must be a mapping"),
-        ("transit: {n_envs: 1, n_timesteps: 1, weights: {joy: 1}}", "unknown key 'weights'"),
-=======
         ("transit: {n_envs: 1, n_timesteps: 1, frame_stack: 65}", "frame_stack = 65"),
         (
             "transit: {n_envs: 1, n_timesteps: 1, env_kwargs: 3}",
             "env_kwargs = 3: must be a mapping",
         ),
->>>>>>> learn
         ("transit: {n_envs: 1, n_timesteps: 1, env_kwargs: {ship: ferry}}", r"env_kwargs\.ship"),
         *(
             (

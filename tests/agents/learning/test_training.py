@@ -24,12 +24,7 @@ from shaftline.agents.learning.training import (
     network_of,
 )
 from shaftline.core import sweep
-<<<<<<< HEAD
-from shaftline.core.archives import read_archive, unpacked
-from shaftline.envs import CLASSIC, Sb3Frigates
-=======
 from shaftline.envs import Sb3Frigates
->>>>>>> learn
 
 from ..tiny import PPO, SAC, interrupted_after_an_evaluation, recipe
 
@@ -115,17 +110,10 @@ def test_every_part_begins_with_seeds_of_its_own(
     assert expected[0] % 400_000 in seeds
 
 
-<<<<<<< HEAD
-def test_legs_are_judged_as_the_recipe_sails(tmp_path: Path) -> None:
-    """With its observer, noise and length of an episode."""
-    kwargs = {"observer": "none", "sensor_noise": 0.0, "max_episode_steps": 12}
-    plan = recipe(n_timesteps=64, legs=1, env_kwargs=kwargs)
-=======
 def test_evaluations_have_the_environment_of_the_recipe(tmp_path: Path) -> None:
     """With its observer, noise and length of an episode."""
     keywords = {"observer": "none", "sensor_noise": 0.0, "max_episode_steps": 12}
     plan = recipe(n_timesteps=64, evaluations=1, env_kwargs=keywords)
->>>>>>> learn
     policy = load_policy(train(plan, 0, tmp_path, device="cpu"))
     cell = Setting("policy", "transit", "task", "none", 24, episode_s=6.0, sensor_noise=0.0,
                    first_seed=500_000)  # fmt: skip
@@ -218,15 +206,9 @@ def test_falling_values_follow_the_whole_training() -> None:
     assert told == [(steps, 2000, "good") for steps in (0, 10, 500, 2001)]  # 200 times in all
 
 
-<<<<<<< HEAD
-def piloted(**settings: Any) -> VecNormalize:
-    frigates = Sb3Frigates(4, task="transit", max_episode_steps=20, **CLASSIC, **settings)
-    return VecNormalize(PolicyEnv(frigates, Form(), telling=True))
-=======
 def frigates() -> Sb3Frigates:
     """Return four environments without a monitor."""
     return Sb3Frigates(4, task="transit", max_episode_steps=20)
->>>>>>> learn
 
 
 def test_texts_become_numbers_and_falling_values() -> None:
@@ -255,31 +237,10 @@ def test_a_network_is_a_copy_of_the_model(
     network = network_of(model)
     assert (network.activation, network.squashed) == (activation, squashed)
     assert [w.shape for w in network.weights] == [(8, SEEN), (8, 8), (2, 8)]
-<<<<<<< HEAD
-    assert np.array_equal(network.biases[2], model.policy.action_net.bias.detach().numpy())
-    scale = np.exp(model.policy.log_std.detach().numpy())
-    if sde:  # what the last hidden layer's units make together
-        scale = np.sqrt(np.mean(scale**2, axis=0))
-    assert network.log_deviation == pytest.approx(np.log(scale), rel=1e-5)
-    assert network.log_deviation.shape == (len(ANSWERS),)
-    with torch.no_grad():  # a copy: the model learns on
-        model.policy.action_net.bias += 1.0
-    assert not np.array_equal(network.biases[2], model.policy.action_net.bias.detach().numpy())
-
-
-def test_sac_is_squashed_and_of_relus() -> None:
-    frigates = Sb3Frigates(4, task="transit", max_episode_steps=20, **CLASSIC)
-    venv = VecNormalize(PolicyEnv(frigates, Form(), telling=False))
-    model, _ = _built(recipe("sac"), venv, 0, "cpu")
-    network = network_of(model, venv, SEEN)
-    assert (network.activation, network.squashed) == ("relu", True)
-    assert network.log_deviation.tolist() == [-3.0] * len(ANSWERS)
-=======
     assert np.array_equal(network.biases[2], last(model).bias.detach().numpy())
     with torch.no_grad():  # the model learns on
         last(model).bias += 1.0
     assert not np.array_equal(network.biases[2], last(model).bias.detach().numpy())
->>>>>>> learn
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,8 @@ import pytest
 
 from shaftline.agents import read_recipe
 from shaftline.agents.evaluation.statistics import interquartile_mean
-<<<<<<< HEAD
-from shaftline.agents.learning.training import FIRST_JUDGED_SEED, judged
-from shaftline.envs import CLASSIC, FrigateVectorEnv
-=======
 from shaftline.agents.learning.training import FIRST_EVALUATION_SEED, judged
 from shaftline.envs import FrigateVectorEnv
->>>>>>> learn
 
 from ..tiny import plain_policy
 
@@ -30,25 +25,6 @@ from ..tiny import plain_policy
 )
 def test_evaluation_intervals_use_every_keyword_of_the_recipe(own: dict[str, Any]) -> None:
     """What a training's environment has, the one that judges it has as well."""
-<<<<<<< HEAD
-    policy = load_policy("rough-sea")
-    kwargs: dict[str, Any] = {
-        "max_episode_steps": 10,
-        "sensor_noise": 0.0,
-        "observer": "none",
-    } | own
-    plan = read_recipe("ppo", "rough-sea", env_kwargs=kwargs)
-    found = judged(policy, plan, "frigate-at-sea", threads=1)
-    env = FrigateVectorEnv(
-        24, threads=1, ship="frigate-at-sea", task="rough-sea", **kwargs, **CLASSIC
-    )  # fmt: skip
-    observation, _ = env.reset(seed=FIRST_JUDGED_SEED)
-    state, starting, rewards = None, np.ones(24, bool), np.zeros(24)
-    for _ in range(10):
-        action, state = policy.predict(observation, state, starting)
-        observation, reward, *_ = env.step(action)
-        rewards, starting = rewards + reward, np.zeros(24, bool)
-=======
     policy = plain_policy("rough-sea")
     keywords: dict[str, Any] = {"max_episode_steps": 10, "sensor_noise": 0.0, "observer": "none"}
     keywords |= own
@@ -57,7 +33,6 @@ def test_evaluation_intervals_use_every_keyword_of_the_recipe(own: dict[str, Any
     env = FrigateVectorEnv(24, threads=1, ship="frigate-at-sea", task="rough-sea", **keywords)
     env.reset(seed=FIRST_EVALUATION_SEED)
     rewards = sum(env.step(np.zeros((24, 2)))[1] for _ in range(10))
->>>>>>> learn
     assert found["reward"] == pytest.approx(interquartile_mean(rewards))
     plain = judged(policy, read_recipe("ppo", "rough-sea", env_kwargs={"max_episode_steps": 10}),
                    "frigate-at-sea", threads=1)  # fmt: skip

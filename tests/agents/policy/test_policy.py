@@ -84,7 +84,8 @@ def test_a_network_by_hand(activation: str, squashed: bool) -> None:
 def test_frames_are_stacked_as_stable_baselines3_stacks_them() -> None:
     """Oldest first, zeros before the first observation, and anew where an episode begins."""
     policy = plain_policy(frame_stack=3)
-    envs = VecFrameStack(Sb3Frigates(2, task="transit", max_episode_steps=4, threads=1), 3)
+    plain = Sb3Frigates(2, task="transit", max_episode_steps=4, threads=1)
+    envs: Any = VecFrameStack(plain, 3)
     envs.seed(1)
     stacked, state, starts = envs.reset(), None, np.ones(2, bool)
     for _ in range(7):
