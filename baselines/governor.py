@@ -30,6 +30,9 @@ RESPONSE_S = 2.0
 _LIMITER_GAIN = 0.8
 """Gain of the rack limits, of the one that takes a speed error back within the response time."""
 
+_CUT_OFF = 0.1
+"""Share of the highest shaft speed above which the rack limits leave no fuel [-]."""
+
 _TUNED_AT = 6  # shaft speeds over the engine's range
 
 
@@ -53,12 +56,17 @@ def highest_rack(plant: Record, shaft_speed: float) -> float:
 def limiter_slope(plant: Record, response_s: float) -> float:
     """Return the slope of the rack limits over shaft speed [mm s/rad] beyond the allowed speeds.
 
+    It takes a speed error back within the response time, and cuts the fuel of the highest rack before
+    the shaft is :data:`_CUT_OFF` above its highest speed.
+
     Args:
         plant: ship record.
         response_s: time in which a rack error of the slope takes back a speed error [s].
     """
     down = plant.gear_ratio * plant.transmission_efficiency
-    return float(_LIMITER_GAIN * shaft_inertia(plant) / response_s / (plant.torque_per_rack * down))
+    prompt = _LIMITER_GAIN * shaft_inertia(plant) / response_s / (plant.torque_per_rack * down)
+    highest = plant.engine_speed_max / plant.gear_ratio
+    return float(max(prompt, plant.drive_max / (_CUT_OFF * highest)))
 
 
 @compiled

@@ -23,12 +23,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plant.drives.diesel import rack_of_torque
 from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from .combinator import combinator_curve
 from .controller import Controller, Readings
-from .governor import highest_rack
+from .governor import rack_limits
 from .steady_points import steady_point
 
 ERROR_S, MEAN_S = 2.0, 8.0
@@ -121,11 +120,9 @@ class SpeedPilot(Controller):
     def _limiters(self) -> None:
         plant, (low, high) = self.plant, self.ship.shaft_speeds
         self._speed_grid = speeds = np.linspace(0.5 * low, 1.2 * high, _LIMITER_POINTS)
-        envelope = np.array([highest_rack(plant, float(w)) for w in speeds])
-        unloaded = rack_of_torque(plant, float(plant["gear_ratio"]) * low, 0.0)
         slope = _LIMITER_GAIN * self._shaft_unit
-        self._most = np.clip(envelope - slope * np.maximum(speeds - high, 0.0), 0.0, None)
-        self._least = np.clip(unloaded + slope * (low - speeds), 0.0, self._most)
+        limits = [rack_limits(plant, float(speed), slope) for speed in speeds]
+        self._least, self._most = np.array(limits).T
 
     def _units(self) -> None:
         """What gains of one come to on this ship."""

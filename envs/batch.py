@@ -25,6 +25,7 @@ from .ranges import observed_ranges
 from .records import (
     BASE_COMMANDS,
     COMMON,
+    COURSE_ERRORS,
     DIRECT_RACK,
     ENVIRONMENT,
     LEARNER_SIGNALS,
@@ -90,7 +91,7 @@ def _observe(
     for i in range(len(which)):
         for j in range(len(columns)):
             scaled = (signals[which[i], columns[j]] - middle[j]) / half[j]
-            rows[i, j] = min(max(scaled, -bound), bound)
+            rows[i, j] = min(max(scaled, -bound), bound) if scaled == scaled else 0.0  # nan
 
 
 class Beginning(NamedTuple):
@@ -209,7 +210,9 @@ class Batch:
         """Signals of an observation, in order."""
         second = SHAFT_SPEED_COMMAND if self.command == "shaft-speed" else RACK_COMMAND
         base = () if self.base is None else BASE_COMMANDS[: self.actions]
-        return (*OBSERVED, *(STEERED if self.steered else ()), *LEARNER_SIGNALS, second, *base)
+        if self.steered:
+            return (*OBSERVED, *STEERED, *LEARNER_SIGNALS, *COURSE_ERRORS, second, *base)
+        return (*OBSERVED, *LEARNER_SIGNALS, second, *base)
 
     @property
     def actions(self) -> int:

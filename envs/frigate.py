@@ -223,6 +223,8 @@ class FrigateVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArr
             )
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = FrigateVectorEnv.metadata | {"autoreset_mode": self.autoreset_mode}
+        if settings.get("max_episode_steps") == -1:  # Gymnasium's word for no limit
+            settings["max_episode_steps"] = None
         self.batch = Batch(num_envs, Settings.of(self.defaults | settings), self.steered)
         self.num_envs = num_envs
         self.single_observation_space = space_of(self.batch)

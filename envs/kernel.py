@@ -170,6 +170,8 @@ def _fill_learner_signals(env: Record, interval_s: float, fresh: bool) -> None:
     seen.engine_torque_deviation = engine_torque - episode.estimated_mean_brake_torque
     seen.estimated_angle_of_attack = attack
     seen.angle_of_attack_deviation = attack - episode.estimated_mean_attack
+    seen.heading_error = shorter_way(float(seen.heading_order) - float(seen.heading))
+    seen.track_error = seen.cross_track_order - seen.cross_track
     seen.shaft_speed_command = episode.shaft_speed_command
     seen.fuel_rack_command = episode.rack_command
 

@@ -12,6 +12,7 @@ from ..plant import Ship
 
 _SPEED_ERROR_M_S = 2.0
 _SWING = 0.2  # torque deviation as share of the highest torque
+_HEADING_ERROR = math.radians(30.0)
 _ATTACK_DEG, _ATTACK_SWING_DEG = 10.0, 4.0
 _TORQUE_N_M = 1e5  # highest torque of an engine whose ship file gives none
 
@@ -53,6 +54,10 @@ def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[
         "angle_of_attack_deviation": (-_ATTACK_SWING_DEG, _ATTACK_SWING_DEG),
         "shaft_speed_command": (float(plant["engine_speed_min"] / plant["gear_ratio"]), turns),
     }  # fmt: skip
+    ends |= {
+        "heading_error": (-_HEADING_ERROR, _HEADING_ERROR),
+        "track_error": (-0.5 * length, 0.5 * length),
+    }
     ends["pitch_command"] = ends["base_pitch_ratio"] = ends["measured_pitch_ratio"]
     ends["fuel_rack_command"] = ends["base_fuel_rack"] = ends["fuel_rack"]
     ends["base_rudder_angle"] = ends["rudder_angle"]

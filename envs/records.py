@@ -34,7 +34,6 @@ EPISODE = np.dtype(
         ("drive", np.float64),  # command of the fuel rack in force [mm]
         ("rack_command", np.float64),  # fuel rack command of the agent, before any limiter [mm]
         ("shaft_speed_command", np.float64),  # set-point of the governor [rad/s]
-        ("gauge_torque", np.float64),  # last sample [N m]
         ("mean_torque", np.float64),  # over the last MEAN_S [N m]
         ("mean_brake_torque", np.float64),  # likewise of one engine [N m]
         ("mean_attack", np.float64),  # likewise of the blades' angle of attack [deg]
@@ -65,11 +64,15 @@ LEARNER_SIGNALS = (
 )
 """Signals that an observation has beside those of the controllers: on them the rewards depend."""
 
+COURSE_ERRORS = ("heading_error", "track_error")
+"""Signals that an observation of a steered ship has besides."""
+
 SHAFT_SPEED_COMMAND, RACK_COMMAND = "shaft_speed_command", "fuel_rack_command"
 BASE_COMMANDS = ("base_pitch_ratio", "base_fuel_rack", "base_rudder_angle")
 
 _EVERY_SIGNAL = (
-    *OBSERVED, *STEERED, *LEARNER_SIGNALS, SHAFT_SPEED_COMMAND, RACK_COMMAND, *BASE_COMMANDS,
+    *OBSERVED, *STEERED, *LEARNER_SIGNALS, *COURSE_ERRORS, SHAFT_SPEED_COMMAND, RACK_COMMAND,
+    *BASE_COMMANDS,
 )  # fmt: skip
 
 OBSERVATION = np.dtype([(name, np.float32) for name in _EVERY_SIGNAL])

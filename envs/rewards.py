@@ -42,60 +42,67 @@ class Goal(FileModel):
     within: float = Field(description="value up to which the goal is fully reached")
     margin: float = Field(gt=0, description="distance beyond it at which the value is 0.1")
     weight: float | None = Field(
-        None, gt=0, le=1, description="share in the weighted part; a factor of its own without one"
+        default=None,
+        gt=0,
+        le=1,
+        description="share of the weighted part; a factor without one",
     )
-    reason: str = Field("", description="why the tolerance is what it is")
+    reason: str = Field(default="", description="why the tolerance is what it is")
 
 
 class Goals(FileModel):
     """Goals of a task, by reward term."""
 
-    speed_error_m_s: Goal | None = Field(None, description="|ship speed - ordered speed|")
-    fuel_kg_s: Goal | None = Field(None, description="fuel flow of all engines")
+    speed_error_m_s: Goal | None = Field(default=None, description="|ship speed - ordered speed|")
+    fuel_kg_s: Goal | None = Field(default=None, description="fuel flow of all engines")
     fuel_excess: Goal | None = Field(
-        None,
+        default=None,
         description="fuel flow over that of the steady state at the ordered speed, three quarters of "
         "the pitch range and the mean resistance of the episode, less 1",
     )
     overload: Goal | None = Field(
-        None, description="engine torque demanded beyond the envelope, as share of the envelope"
+        default=None,
+        description="engine torque demanded beyond the envelope, as share of the envelope",
     )
     near_limit: Goal | None = Field(
-        None, description="engine torque in the last 5 % below the envelope, as share of these"
+        default=None,
+        description="engine torque in the last 5 % below the envelope, as share of these",
     )
     overspeed: Goal | None = Field(
-        None, description="engine speed beyond its highest speed, as share of that speed"
+        default=None, description="engine speed beyond its highest speed, as share of that speed"
     )
     torque_fluctuation: Goal | None = Field(
-        None,
+        default=None,
         description="|shaft torque - its mean over 20 s|, as share of the shaft's highest torque",
     )
     engine_fluctuation: Goal | None = Field(
-        None,
+        default=None,
         description="|engine torque - its mean over 20 s|, as share of the engine's highest torque",
     )
     attack_fluctuation_deg: Goal | None = Field(
-        None, description="|effective angle of attack of the blades - its mean over 20 s|"
+        default=None, description="|effective angle of attack of the blades - its mean over 20 s|"
     )
     outside_bucket_deg: Goal | None = Field(
-        None, description="angle of attack beyond the cavitation bucket"
+        default=None, description="angle of attack beyond the cavitation bucket"
     )
     cavitation: Goal | None = Field(
-        None, description="thrust loading beyond Burrill's 5 % limit, as share of the limit"
+        default=None, description="thrust loading beyond Burrill's 5 % limit, as share of the limit"
     )
     rack_travel_mm: Goal | None = Field(
-        None, description="travel of the fuel rack command, summed over the interval"
+        default=None, description="travel of the fuel rack command, summed over the interval"
     )
     pitch_travel: Goal | None = Field(
-        None, description="travel of the blades' P/D, summed over the interval"
+        default=None, description="travel of the blades' P/D, summed over the interval"
     )
     heading_error_deg: Goal | None = Field(
-        None, description="|heading - ordered heading|, by the shorter way"
+        default=None, description="|heading - ordered heading|, by the shorter way"
     )
     track_error_m: Goal | None = Field(
-        None, description="|cross-track position - ordered cross-track position|"
+        default=None, description="|cross-track position - ordered cross-track position|"
     )
-    rudder_rate_deg_s: Goal | None = Field(None, description="mean |rate of the rudder angle|")
+    rudder_rate_deg_s: Goal | None = Field(
+        default=None, description="mean |rate of the rudder angle|"
+    )
 
     @model_validator(mode="after")
     def _check_weights(self) -> Goals:

@@ -95,8 +95,8 @@ class Settings(BaseModel):
     @model_validator(mode="after")
     def _check_action_mode(self) -> Settings:
         """Refuse an unknown action mode, and a residual on a governor's set-point."""
-        kind, separator, _ = self.action_mode.partition(":")
-        if kind not in ACTION_MODES or (separator and kind != "residual"):
+        kind, separator, name = self.action_mode.partition(":")
+        if kind not in ACTION_MODES or (separator and not (kind == "residual" and name)):
             raise ValueError(
                 f"unknown action_mode {self.action_mode!r}; known: {', '.join(ACTION_MODES)}, and "
                 "residual:CONTROLLER"

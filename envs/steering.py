@@ -15,9 +15,10 @@ class SteeringEnv(FrigateEnv):
     Everything is as in :class:`FrigateEnv`, and besides:
 
     ## Observation
-    ``Box(21,)``: behind the eight measured signals stand ordered heading [rad], heading [rad], rate of
+    ``Box(23,)``: after the eight measured signals come ordered heading [rad], heading [rad], rate of
     turn [rad/s], rudder angle [rad], ordered cross track [m] and cross track [m], all to starboard of
-    the first course.
+    the first course; before the last signal come the errors of heading (by the shorter way) [rad] and
+    cross track [m].
 
     ## Action
     ``Box(3,)``: the two, and the rudder command over the end stops, positive to starboard.

@@ -342,7 +342,7 @@ def judged(
     environment = {"sea": "task", "observer": DEFAULTS.observer} | {
         key: value for key, value in recipe.env_kwargs.items() if key not in INTERFACE
     }
-    steps = environment.pop("max_episode_steps", DEFAULTS.max_episode_steps)
+    steps = environment.pop("max_episode_steps", None) or DEFAULTS.max_episode_steps or 1
     setting = Setting(
         "policy", recipe.task, seeds=EVALUATION_EPISODES, ship=ship,
         episode_s=steps * DEFAULTS.control_interval_s, **environment,

@@ -185,7 +185,7 @@ def test_a_steered_residual_of_zero_is_its_base_controller_to_the_bit(task: str)
     state, starts = None, np.ones(3, dtype=bool)
     for _ in range(25):
         action, state = controller.predict(theirs, state, starts)
-        assert np.array_equal(mine[:, :21], theirs)
+        assert np.array_equal(mine[:, :23], theirs)
         mine, reward, terminated, truncated, _ = residual.step(np.zeros((3, 3)))
         theirs, due, *_ = classic.step(action)
         assert np.array_equal(reward, due)
@@ -213,7 +213,7 @@ def test_a_residual_is_limited_unless_the_command_is_the_plain_rack() -> None:
     env = FrigateEnv(action_mode="residual", command="fuel-rack")
     assert env.batch.command == "fuel-rack"
     assert env.observation_space.shape == (17,)
-    assert SteeringEnv(action_mode="residual").observation_space.shape == (24,)
+    assert SteeringEnv(action_mode="residual").observation_space.shape == (26,)
 
 
 @pytest.mark.parametrize("kind", [FrigateEnv, lambda **settings: FrigateVectorEnv(2, **settings)])

@@ -11,7 +11,7 @@ import pytest
 from shaftline.baselines.controller import OBSERVED, readings
 from shaftline.baselines.helmsman import STEERED
 from shaftline.envs import FrigateEnv, FrigateVectorEnv, SteeringVectorEnv
-from shaftline.envs.records import LEARNER_SIGNALS
+from shaftline.envs.records import COURSE_ERRORS, LEARNER_SIGNALS
 from shaftline.plant.cavitation import effective_attack
 from shaftline.plant.drives.diesel import rack_torque
 
@@ -21,7 +21,9 @@ INTERVAL_S, MEAN_S = 0.5, 20.0
 def test_signals_stand_in_one_order() -> None:
     env, steered = FrigateEnv(), SteeringVectorEnv(1)
     assert env.batch.observed == (*OBSERVED, *LEARNER_SIGNALS, "shaft_speed_command")
-    assert steered.batch.observed == (*OBSERVED, *STEERED, *LEARNER_SIGNALS, "shaft_speed_command")
+    assert steered.batch.observed == (
+        *OBSERVED, *STEERED, *LEARNER_SIGNALS, *COURSE_ERRORS, "shaft_speed_command",
+    )  # fmt: skip
     rack = FrigateEnv(command="limited-rack").batch.observed
     assert rack == (*OBSERVED, *LEARNER_SIGNALS, "fuel_rack_command")
     residual = FrigateEnv(action_mode="residual").batch.observed

@@ -28,7 +28,7 @@ SEEN = {name: k for k, name in enumerate(OBSERVED_STEERED)}
 
 def test_registered_and_sound() -> None:
     env: Any = gymnasium.make("shaftline/Steering-v0")
-    assert env.observation_space.shape == (21,)
+    assert env.observation_space.shape == (23,)
     assert env.action_space.shape == (3,)
     check_env(env.unwrapped, skip_render_check=True)
     assert env.unwrapped.batch.ship.name == "frigate-turning"

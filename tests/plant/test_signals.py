@@ -21,6 +21,11 @@ BOUNDS = {
     "rudder_command_rad": (-1.6, 1.6), "rudder_rad": (-1.6, 1.6), "yaw_rate_rad_s": (-10, 10),
     "heading_rad": (-math.inf, math.inf), "cross_track_m": (-math.inf, math.inf),
     "heading_order_rad": (-math.inf, math.inf), "cross_track_order_m": (-math.inf, math.inf),
+    "speed_error_m_s": (-80, 80), "estimated_angle_of_attack_deg": (-180, 180),
+    "angle_of_attack_deviation_deg": (-180, 180), "heading_error_rad": (-math.pi, math.pi),
+    "track_error_m": (-math.inf, math.inf), "fuel_rack_command_mm": (0, 200),
+    "base_fuel_rack_command_mm": (0, 200), "base_pitch_ratio_command": (-1.6, 1.6),
+    "base_rudder_command_rad": (-1.6, 1.6),
 }  # fmt: skip
 """Beyond what any ship reaches; ships move within 40 m/s, torques are within 1e8 N m."""
 

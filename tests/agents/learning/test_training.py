@@ -140,7 +140,7 @@ def test_a_policy_keeps_the_action_mode_of_its_recipe(
 def test_a_steered_task_is_trained_with_its_rudder(tmp_path: Path) -> None:
     plan = recipe(task="course-keeping", n_timesteps=64, evaluations=1)
     policy = load_policy(train(plan, 0, tmp_path, device="cpu"))
-    assert policy.network.shape == (SEEN + 6, 3)
+    assert policy.network.shape == (SEEN + 8, 3)
     assert policy.curve["reward"][0] > 0.0
 
 
