@@ -14,6 +14,7 @@ from ..agents.evaluation.controllers import known, label, load_controller
 from ..agents.evaluation.episodes import Setting
 from ..agents.evaluation.kpis import KPIS
 from ..agents.evaluation.page import distinct, zero_everywhere
+from ..agents.evaluation.scores import bounds
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
 from ..baselines.controller import Predictor
 from ..core.sweep import check_backend
@@ -134,13 +135,19 @@ def evaluate(
                 cells, make, out, jobs=jobs, backend=backend, scheduler=scheduler, tick=tick
             )
         title = f"{sailed.name}, {task}, {seeds} episodes of {episode_s:g} s"
+        if (bound := bounds().get(task)) is not None and seas == ["task"] and ship is None:
+            intervals = max(round(episode_s / _INTERVAL), 1)
+            found.table["score"] = [bound.score(r / intervals) for r in found.table["reward"]]
         shown = distinct(found.table)
         varied = [c for c in ("controller", "sea", "observer") if shown[c].nunique() > 1]
         zero = zero_everywhere(found.table, _SHOWN)
         figures = [name for name in _SHOWN if name not in zero]
-        print_table(shown[[*(varied or ["controller"]), *figures]], title)
+        scored = ["score"] if "score" in shown else []
+        print_table(shown[[*(varied or ["controller"]), *scored, *figures]], title)
         if zero:
             say(f"zero everywhere: {', '.join(zero)}\n")
+        if scored:
+            say("score: 0 is the combinator, 1 the clairvoyant bound of the task")
         say("\n".join(f"{name}: {KPIS[name]}" for name in figures))
         numbers({"cells": found.table.to_dict(orient="records")})
         found.save(out, title, _SHOWN)

@@ -118,7 +118,7 @@ def train(
             raise typer.Exit(130) from None
         if before == _evaluations(folder):
             say("nothing was left to do")
-        _print(policy, folder, task, plan.env_kwargs.get("observer", DEFAULTS.observer))
+        _print(policy, folder, plan, training)
 
 
 def _learning() -> tuple[Any, Any]:
@@ -134,15 +134,22 @@ def _evaluations(folder: Path) -> int:
     return len(read_json(note)) if note.is_file() else 0
 
 
-def _print(path: Path, folder: Path, task: str, observer: str) -> None:
-    """The curve, where the time went, and what to do next."""
-    policy = load_policy(path)
+def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
+    """Print the curve, what learning added to a classic controller, and the next command."""
+    policy, task = load_policy(path), plan.task
+    observer = plan.env_kwargs.get("observer", DEFAULTS.observer)
     curve = pd.DataFrame(policy.curve)
     shown = curve[list(_CURVE)].rename(columns=_CURVE)
     shown["steps"] = shown["steps"].astype(int)
     shown.insert(0, "evaluation", range(1, len(curve) + 1))
     print_table(shown, f"{folder}: evaluations; the last policy is kept")
     say(f"{curve['seconds'].iloc[-1] / 60.0:.1f} minutes")
+    name, reference = training.reference(plan, policy.about["ship_source"])
+    gained = curve["reward"].iloc[-1] - reference
+    say(
+        f"in the episodes of the evaluations, {name} has a reward of {reference:.1f}: "
+        f"learning added {gained:+.1f} ({gained / abs(reference):+.1%})"
+    )
     say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
     say("compare it with a classic controller:")
     other = "" if observer == DEFAULTS.observer else f" --observer {observer}"

@@ -26,6 +26,8 @@ from stable_baselines3.common.logger import Logger, make_output_format
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecFrameStack, VecMonitor
 
+from ...baselines import make_controller, make_steering
+from ...baselines.controller import Predictor
 from ...core.archives import read_archive
 from ...core.files import write_json
 from ...core.sweep import digest_of, refuse_another, source_digest
@@ -323,8 +325,34 @@ def about_training(recipe: Recipe, seed: int, ship: str, batch: Batch) -> dict[s
     }
 
 
+def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[str, float]:
+    """Return the name and the reward of the controller that a policy of a recipe has to beat.
+
+    It is the base controller of a residual and the combinator otherwise, in the episodes of the
+    evaluations.
+
+    Args:
+        recipe: of the training.
+        ship: preset or path.
+        threads: of the environments.
+    """
+    task, interval = get_task(recipe.task), DEFAULTS.control_interval_s
+    mode = str(recipe.env_kwargs.get("action_mode", DEFAULTS.action_mode))
+    base = DEFAULTS.model_copy(update={"action_mode": mode}).base_controller
+    name = base or "combinator"
+    if task.steered and "+" not in name:
+        name = f"autopilot+{name}"
+    controller: Predictor = (
+        make_steering(name, task.sailed(ship), interval)
+        if task.steered
+        else make_controller(name, task.sailed(ship), interval)
+    )
+    words = f"the base controller {name}" if base else f"the {name}"
+    return words, judged(controller, recipe, ship, threads)["reward"]
+
+
 def judged(
-    policy: Policy,
+    policy: Predictor,
     recipe: Recipe,
     ship: str,
     threads: int | None,
@@ -333,7 +361,7 @@ def judged(
     """Return interquartile means of KPIs over episodes of the task that training does not draw.
 
     Args:
-        policy: the policy.
+        policy: the policy, or another controller.
         recipe: that it was trained by.
         ship: preset or path.
         threads: of the environments.

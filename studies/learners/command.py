@@ -10,7 +10,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ...core.files import read_json
+from ...agents.evaluation.scores import bounds_file
+from ...core.files import read_json, write_json
 from ...core.sweep import SweepError, sweep
 from ...envs import tasks
 from . import bounds, page
@@ -49,6 +50,7 @@ def main(arguments: list[str] | None = None) -> None:
     add("--seeds", type=int, default=5, help="trainings of each learner on each task")
     add("--no-plans", action="store_true", help="no clairvoyant bounds")
     add("--page-only", action="store_true", help="compute nothing, write the page")
+    add("--package", action="store_true", help="keep the bounds in the package, for scores")
     add("--jobs", type=int, help="processes; one for each core by default")
     options = parser.parse_args(arguments)
 
@@ -81,3 +83,7 @@ def main(arguments: list[str] | None = None) -> None:
         parser.exit(1, f"{error}\n")
     found = {file.stem: read_json(file) for file in sorted(kept.glob("*.json"))}
     print(f"page: {page.write(options.out, options.task, found)}")
+    if options.package:
+        known = {task: bound._asdict() for task in tasks() if (bound := page.bound_of(task, found))}
+        write_json(bounds_file(), known)
+        print(f"bounds: {bounds_file()}")

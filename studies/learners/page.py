@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ...agents.evaluation.scores import Bound
 from ...agents.evaluation.statistics import middle_of_runs
 from ...display.figures import PALETTE, new_figure, save
 from ...display.tables import markdown, write_table
+from ...envs import DEFAULTS
 from ...envs.tasks import HELD_OUT
 from .bounds import STARTS, STEPS
 from .references import CONSTANT, CONTROLLERS, EPISODES, FIRST_SEED, HOLD, RANDOM, TUNED
@@ -23,23 +25,6 @@ COMBINATOR = CONTROLLERS[0]
 UNTUNED = CONTROLLERS[1:]
 COMMAND = "python -m shaftline.studies.learners --out docs/results"
 _ACROSS = 3  # panels of the figure
-
-
-class Bound(NamedTuple):
-    """Clairvoyant bound of a task, in return per control interval."""
-
-    combinator: float
-    """Of the combinator in the same episodes."""
-    tuned: float
-    """Of the tuned controller; nan where the task has none."""
-    best: float
-    """Mean over episodes of the best plan."""
-    spread: float
-    """Mean over episodes of best less worst plan."""
-
-    def score(self, mean: float, combinator: float) -> float:
-        """Return the score of a mean return per interval, beside the combinator in the same episodes."""
-        return (mean - combinator) / (self.best - self.combinator)
 
 
 def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
@@ -59,11 +44,13 @@ def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
     if same is None or not plans or any(len(row) < len(STARTS) for row in plans):
         return None
     best, worst = (np.array([end(row) for row in plans]) for end in (max, min))
-    tuned = same.get(TUNED, np.nan)
+    tuned = same.get(TUNED)
     return Bound(
-        same[COMBINATOR] / STEPS, tuned / STEPS, float(best.mean()) / STEPS,
-        float((best - worst).mean()) / STEPS,
-    )  # fmt: skip
+        combinator=same[COMBINATOR] / STEPS,
+        tuned=None if tuned is None else tuned / STEPS,
+        best=float(best.mean()) / STEPS,
+        spread=float((best - worst).mean()) / STEPS,
+    )
 
 
 def episodes_of(task: str, name: str, part: str, found: dict[str, Any]) -> NDArray[np.float64]:
@@ -88,7 +75,7 @@ def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
         mean, low, high = middle_of_runs(values)
         gain, gain_low, gain_high = middle_of_runs(values - base)
         bound = bound_of(task, found)
-        steps = _interval_count(found)
+        steps = DEFAULTS.max_episode_steps or 1
         rows.append(
             {"task": f"{task}{part}", "controller": name, "trainings": len(values), "return": mean,
              "return_low": low, "return_high": high, "gain": gain, "gain_low": gain_low,
@@ -96,12 +83,6 @@ def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
              bound.score(mean / steps, float(base.mean()) / steps)}
         )  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def _interval_count(found: dict[str, Any]) -> int:
-    from ...envs import DEFAULTS
-
-    return DEFAULTS.max_episode_steps or 1
 
 
 def _wide(table: pd.DataFrame, names: list[str], part: str) -> pd.DataFrame:
@@ -145,8 +126,9 @@ def _bounds(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
     for task in names:
         bound = bound_of(task, found)
         if bound is not None:
-            gap = (bound.best - bound.tuned) / (bound.best - bound.combinator)
-            rows.append((task, *(STEPS * np.array(bound)), 100.0 * gap))
+            tuned = np.nan if bound.tuned is None else bound.tuned
+            returns = (bound.combinator, tuned, bound.best, bound.spread)
+            rows.append((task, *(STEPS * np.array(returns)), 100.0 * (1.0 - bound.score(tuned))))
     return pd.DataFrame(
         rows,
         columns=["task", "combinator", "tuned controller", "bound", "spread of the starts",

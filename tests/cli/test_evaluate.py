@@ -8,6 +8,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from shaftline.agents.evaluation.scores import Bound
+
 from .conftest import Command
 from .test_bad_input import nothing_written, refused
 
@@ -29,6 +31,20 @@ def test_controllers_are_compared(shaftline: Command, tmp_path: Path) -> None:
     assert "combinator:response_s=6" in (tmp_path / "table.md").read_text()
     assert (tmp_path / "comparison.png").stat().st_size > 20_000
     assert (tmp_path / "dashboard-combinator.png").stat().st_size > 5_000
+
+
+def test_the_score_is_shown_where_the_task_has_a_bound(
+    shaftline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bound = Bound(combinator=0.5, tuned=0.6, best=0.9, spread=0.05)
+    monkeypatch.setattr("shaftline.cli.evaluate_command.bounds", lambda: {"transit": bound})
+    command = ("evaluate", "--controller", "va-pitch", "--task", "transit", *QUICK)
+    result = shaftline(*command, "--out", tmp_path / "own")
+    assert "score: 0 is the combinator, 1 the clairvoyant bound" in result.output
+    table = pd.read_csv(tmp_path / "own" / "table.csv")
+    assert table["score"][0] == pytest.approx((table["reward"][0] / 40.0 - 0.5) / 0.4)
+    other = shaftline(*command, "--sea", "calm", "--out", tmp_path / "calm")
+    assert "score: 0" not in other.output  # the bound is that of the seas of the task
 
 
 def test_an_evaluation_goes_on_where_it_stopped(shaftline: Command, tmp_path: Path) -> None:

@@ -73,8 +73,8 @@ def test_the_bound_is_the_best_start_of_each_episode() -> None:
     assert bound is not None
     assert bound.best == pytest.approx((310.0 + 330.0) / 2.0 / STEPS)
     assert bound.spread == pytest.approx((20.0 + 50.0) / 2.0 / STEPS)
-    assert bound.score(bound.best, bound.combinator) == pytest.approx(1.0)
-    assert bound.score(bound.combinator, bound.combinator) == 0.0
+    assert bound.score(bound.best) == pytest.approx(1.0)
+    assert bound.score(bound.combinator) == 0.0
     lacking = {k: v for k, v in found_of(TASK, PLANS).items() if not k.endswith(STARTS[0])}
     assert page.bound_of(TASK, lacking) is None
 

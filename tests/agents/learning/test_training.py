@@ -23,8 +23,10 @@ from shaftline.agents.learning.training import (
     evaluations_of,
     network_of,
 )
+from shaftline.baselines import make_controller, make_steering
 from shaftline.core import sweep
-from shaftline.envs import Sb3Frigates
+from shaftline.envs import Sb3Frigates, get_task
+from shaftline.plant import load_ship
 
 from ..tiny import PPO, SAC, interrupted_after_an_evaluation, recipe
 
@@ -142,6 +144,34 @@ def test_a_steered_task_is_trained_with_its_rudder(tmp_path: Path) -> None:
     policy = load_policy(train(plan, 0, tmp_path, device="cpu"))
     assert policy.network.shape == (SEEN + 8, 3)
     assert policy.curve["reward"][0] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("task", "mode", "words"),
+    [
+        ("transit", "increment", "the combinator"),
+        ("transit", "residual:va-pitch", "the base controller va-pitch"),
+        ("course-keeping", "absolute", "the autopilot+combinator"),
+    ],
+)
+def test_learning_is_compared_with_a_controller_in_the_same_episodes(
+    task: str, mode: str, words: str
+) -> None:
+    keywords = {"max_episode_steps": 10, "action_mode": mode}
+    plan = recipe(task=task, env_kwargs=keywords)
+    vessel = get_task(task).vessel
+    said, reward = training.reference(plan, vessel)
+    assert said == words
+    name = words.split()[-1]
+    controller: Any = (
+        make_steering(name, load_ship(vessel), 0.5)
+        if task == "course-keeping"
+        else make_controller(name, load_ship(vessel), 0.5)
+    )
+    cell = Setting("one", task, "task", "random-walk-kalman", 24, episode_s=5.0,
+                   first_seed=500_000)  # fmt: skip
+    kpis, _ = run_episodes(cell, controller)
+    assert reward == pytest.approx(interquartile_mean(kpis["reward"]))
 
 
 def test_episodes_of_a_training_do_not_end_in_step() -> None:

@@ -1,0 +1,49 @@
+"""The score of a return: 0 is the combinator, 1 the clairvoyant bound of the task.
+
+The bounds of the package's tasks are in ``bounds.json``, written by ``python -m
+shaftline.studies.learners``. They hold for the task's own ship and seas.
+"""
+
+from __future__ import annotations
+
+import functools
+from importlib import resources
+from pathlib import Path
+from typing import NamedTuple
+
+from ...core.files import read_json
+
+
+class Bound(NamedTuple):
+    """Clairvoyant bound of a task, in return per control interval."""
+
+    combinator: float
+    """Mean of the combinator in the planned episodes."""
+    tuned: float | None
+    """Mean of the tuned controller there; None where the task has none."""
+    best: float
+    """Mean over the episodes of the best plan."""
+    spread: float
+    """Mean over the episodes of the best plan less the worst, of the starts."""
+
+    def score(self, mean: float, combinator: float | None = None) -> float:
+        """Return the score of a mean return per interval.
+
+        Args:
+            mean: of the controller.
+            combinator: of the combinator in the same episodes; in the planned ones by default.
+        """
+        start = self.combinator if combinator is None else combinator
+        return (mean - start) / (self.best - self.combinator)
+
+
+def bounds_file() -> Path:
+    """Return the file of the bounds."""
+    return Path(str(resources.files("shaftline.agents.evaluation").joinpath("bounds.json")))
+
+
+@functools.cache
+def bounds() -> dict[str, Bound]:
+    """Return the known bounds by task."""
+    file = bounds_file()
+    return {task: Bound(**row) for task, row in read_json(file).items()} if file.is_file() else {}
