@@ -185,7 +185,10 @@ _DECLARED = {
     "failed": _Kpi(
         "episodes that stalled or tripped [share]", lambda s: s.failed.astype(np.float64)
     ),
-    "reward": _Kpi("sum of the task's rewards, best where highest", lambda s: s.reward),
+    "reward": _Kpi(
+        "sum of the task's rewards, 0 where the episode failed; best where highest",
+        lambda s: np.where(s.failed, 0.0, s.reward),
+    ),
 }
 
 KPIS = {name: kpi.meaning for name, kpi in _DECLARED.items()}

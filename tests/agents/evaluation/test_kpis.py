@@ -127,7 +127,7 @@ def test_an_episode_that_ended_early_counts_no_further(rows: list[dict[str, floa
             "pitch_travel_min": 0.1 / 1.0 * 60.0,
             "rise_s": 0.0,
             "failed": 1.0,
-            "reward": -502.0,
+            "reward": 0.0,
         }
     )
 
