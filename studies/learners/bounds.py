@@ -10,7 +10,7 @@ from ...agents.evaluation.clairvoyant import Clairvoyant
 from ...baselines import make_controller
 from ...envs import get_task
 from ...envs.settings import DEFAULTS, Settings
-from .references import CONTROLLERS, FIRST_SEED, TUNED, references, returns_of
+from .references import CONTROLLERS, FIRST_SEED, TUNED, reference, returns_of
 
 STARTS = ("combinator", "combinator-trimmed", "speed-pilot", "va-pitch")
 """Controllers from whose commands the plans start."""
@@ -33,11 +33,11 @@ def plan_cell(cell: tuple[str, int, str]) -> dict[str, Any]:
 
 def same_episodes(task: str) -> dict[str, float]:
     """Return the mean return of each classic controller in the episodes that are planned."""
-    known = references(task)
-    names = [name for name in (*CONTROLLERS, TUNED) if name in known]
     return {
-        name: float(np.mean(returns_of(known[name], task, EPISODES, FIRST_SEED, STEPS).values))
-        for name in names
+        name: float(
+            np.mean(returns_of(reference(task, name), task, EPISODES, FIRST_SEED, STEPS).values)
+        )
+        for name in (*CONTROLLERS, TUNED)
     }
 
 

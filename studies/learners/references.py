@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...agents.evaluation.episodes import Setting, run_episodes
-from ...agents.learning.recipe import RecipeError, tuned_controller
+from ...agents.learning.recipe import tuned_controller
 from ...baselines import make_controller, make_steering
 from ...baselines.controller import Predictor
 from ...envs import DEFAULTS, get_task
@@ -90,29 +89,30 @@ def returns_of(
     return Returns(kpis["reward"].tolist(), means["failed"], means)
 
 
-def references(task: str) -> dict[str, Predictor]:
-    """Return the controllers that learners are compared with, by name.
+def names_of(task: str) -> tuple[str, ...]:
+    """Return the names of the references of a task."""
+    tuned = () if get_task(task).steered else (TUNED,)
+    return (*CONTROLLERS, *tuned, HOLD, CONSTANT, RANDOM)
+
+
+def reference(task: str, name: str) -> Predictor:
+    """Return a controller that learners are compared with.
 
     Args:
         task: name.
+        name: one of :func:`names_of`.
     """
     model = get_task(task)
     ship, interval = model.sailed(), DEFAULTS.control_interval_s
     numbers = 3 if model.steered else 2
-    found: dict[str, Predictor] = {}
-    for name in CONTROLLERS:
-        found[name] = (
-            make_steering(f"autopilot+{name}", ship, interval)
-            if model.steered
-            else make_controller(name, ship, interval)
-        )
-    with contextlib.suppress(RecipeError):  # no controller has been tuned for the task
-        found[TUNED] = make_controller(tuned_controller(task), ship, interval)
-    increments = {"action_mode": "increment"}
-    found[HOLD] = Blind(np.zeros((1, numbers), np.float32), numbers, increments)
-    found[CONSTANT] = best_constant(task, numbers)
-    found[RANDOM] = Blind(None, numbers, increments)
-    return found
+    if name == CONSTANT:
+        return best_constant(task, numbers)
+    if name in (HOLD, RANDOM):
+        held = np.zeros((1, numbers), np.float32) if name == HOLD else None
+        return Blind(held, numbers, {"action_mode": "increment"})
+    if model.steered:
+        return make_steering(f"autopilot+{name}", ship, interval)
+    return make_controller(tuned_controller(task) if name == TUNED else name, ship, interval)
 
 
 def best_constant(task: str, numbers: int) -> Blind:
@@ -133,7 +133,7 @@ def best_constant(task: str, numbers: int) -> Blind:
 def reference_cell(cell: tuple[str, str]) -> dict[str, Any]:
     """Return the episodes of a reference on a task and its held-out seas, as JSON allows."""
     task, name = cell
-    controller = references(task)[name]
+    controller = reference(task, name)
     return {
         part: returns_of(controller, f"{task}{part}")._asdict() for part in ("", f":{HELD_OUT}")
     }

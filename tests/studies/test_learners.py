@@ -31,17 +31,18 @@ def test_references_are_the_classic_controllers_and_policies_that_look_at_nothin
 ) -> None:
     monkeypatch.setattr(references, "_GRID", 2)
     monkeypatch.setattr(references, "_SEARCH_EPISODES", 1)
-    found = references.references(task)
+    names = references.names_of(task)
     tuned = () if get_task(task).steered else (TUNED,)
-    assert tuple(found) == (*CONTROLLERS, *tuned, HOLD, CONSTANT, RANDOM)
-    for name, controller in found.items():
+    assert names == (*CONTROLLERS, *tuned, HOLD, CONSTANT, RANDOM)
+    for name in names:
+        controller = references.reference(task, name)
         one = references.returns_of(controller, task, episodes=2, steps=20)
         assert len(one.values) == 2, name
         assert 0.0 < min(one.values) <= max(one.values) <= 20.0, name
 
 
 def test_a_policy_that_holds_keeps_the_first_commands() -> None:
-    hold = references.references(TASK)[HOLD]
+    hold = references.reference(TASK, HOLD)
     rows, _ = hold.predict(np.ones((3, 15)))
     assert rows.tolist() == [[0.0, 0.0]] * 3
 
