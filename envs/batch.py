@@ -171,9 +171,10 @@ class Batch:
         self.environments["observer"] = observer
         self.base: BaseController | None = None
         if settings.base_controller is not None:
-            self.base = BaseController(
-                settings.base_controller, self.ship, self.interval_s, n, steered
-            )
+            text = settings.base_controller
+            if steered and "+" not in text:
+                text = f"{self.task.helmsman}+{text}"
+            self.base = BaseController(text, self.ship, self.interval_s, n, steered)
         self._columns = np.array([_SIGNALS.index(name) for name in self.observed])
         top = float(self.table["ship_speed"].max())
         middle, half = observed_ranges(self.ship, top, self.observed)

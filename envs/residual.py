@@ -44,8 +44,6 @@ class BaseController:
     """
 
     def __init__(self, text: str, ship: Ship, interval_s: float, n: int, steered: bool) -> None:
-        if steered and "+" not in text:
-            text = f"autopilot+{text}"
         self._controller: Predictor = (
             make_steering(text, ship, interval_s)
             if steered

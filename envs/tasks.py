@@ -115,6 +115,11 @@ class Task(FileModel):
         return self
 
     @property
+    def helmsman(self) -> str:
+        """Name of the helmsman that suits the goals, of a task with the rudder as an action."""
+        return "track-keeper" if "track_error_m" in self.goals.used else "autopilot"
+
+    @property
     def presets(self) -> tuple[str, ...]:
         """Those of its seas that are presets, by name."""
         return tuple(sea for sea in self.seas if isinstance(sea, str))

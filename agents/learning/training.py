@@ -341,7 +341,7 @@ def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[st
     base = DEFAULTS.model_copy(update={"action_mode": mode}).base_controller
     name = base or "combinator"
     if task.steered and "+" not in name:
-        name = f"autopilot+{name}"
+        name = f"{task.helmsman}+{name}"
     controller: Predictor = (
         make_steering(name, task.sailed(ship), interval)
         if task.steered

@@ -111,7 +111,7 @@ def reference(task: str, name: str) -> Predictor:
         held = np.zeros((1, numbers), np.float32) if name == HOLD else None
         return Blind(held, numbers, {"action_mode": "increment"})
     if model.steered:
-        return make_steering(f"autopilot+{name}", ship, interval)
+        return make_steering(f"{model.helmsman}+{name}", ship, interval)
     return make_controller(tuned_controller(task) if name == TUNED else name, ship, interval)
 
 

@@ -178,7 +178,7 @@ def test_a_steered_residual_of_zero_is_its_base_controller_to_the_bit(task: str)
         3, action_mode=f"residual:{name}", command="fuel-rack", threads=1, **common
     )
     classic = SteeringVectorEnv(3, threads=1, **common | CLASSIC)
-    text = name if "+" in name else f"autopilot+{name}"
+    text = name if "+" in name else f"{get_task(task).helmsman}+{name}"
     controller: Any = make_steering(text, classic.batch.ship, 0.5)
     mine, _ = residual.reset(seed=6)
     theirs, _ = classic.reset(seed=6)
