@@ -16,6 +16,9 @@ _NAUTICAL_MILE = 1852.0
 _STEP_M_S = 0.5
 """Least change of an order that is followed as a step."""
 
+_SETTLED_S = 3.0 * MEAN_S
+"""Time after a new order, or the beginning, from which torques fluctuate by the waves alone [s]."""
+
 _BEYOND = 0.005
 """Share of the engine's envelope: a torque limiter holds it no better than the speed is measured."""
 
@@ -45,7 +48,9 @@ class EpisodeSums:
         # angles of attack, interval by interval; nan where an episode is over
         self.attack: list[NDArray[np.float64]] = []
         self.mean: NDArray[np.float64] | None = None  # of SWINGS, over the last MEAN_S
-        self.swing = np.zeros((len(SWINGS), n))  # squares of what departs from it
+        # squares of what departs from it: of all intervals, and of those long after a new order
+        self.swing, self.settled_swing = np.zeros((2, len(SWINGS), n))
+        self.settled, self.since_order = np.zeros((2, n))
         self.order = np.full(n, np.nan)
         # of the order that is followed: its step, whether it is done; of all: intervals and count
         self.step, self.rising, self.rises = np.zeros((3, n))
@@ -94,7 +99,11 @@ class EpisodeSums:
         if self.mean is None:
             self.mean = swinging.copy()
         self.mean += interval / MEAN_S * (swinging - self.mean)
-        self.swing += alive * (swinging - self.mean) ** 2
+        squares = (swinging - self.mean) ** 2
+        settled = alive & (self.since_order >= _SETTLED_S)
+        self.swing += alive * squares
+        self.settled_swing += settled * squares
+        self.settled += settled
 
     def _follow(self, alive: Any, speed: Any, order: Any) -> None:
         """Count the time until nine tenths of each new order's step are done."""
@@ -102,13 +111,19 @@ class EpisodeSums:
         self.step = np.where(fresh, np.abs(order - speed), self.step)
         self.risen &= ~fresh
         self.rises += fresh
+        self.since_order = np.where(fresh, 0.0, self.since_order + self.interval_s)
         self.order = order.copy()
         self.rising += alive & ~self.risen
         self.risen |= np.abs(order - speed) <= 0.1 * self.step
 
     def rms(self, name: str) -> NDArray[np.float64]:
-        """What one of :data:`SWINGS` departs from its mean, in its unit."""
-        return np.asarray(np.sqrt(self.swing[SWINGS.index(name)] / self.count))
+        """Return the rms of one of :data:`SWINGS` about its mean, in its unit.
+
+        Intervals within :data:`_SETTLED_S` of a new order do not count, where there are others.
+        """
+        k = SWINGS.index(name)
+        late = self.settled_swing[k] / np.maximum(self.settled, 1.0)
+        return np.asarray(np.sqrt(np.where(self.settled > 0.0, late, self.swing[k] / self.count)))
 
     @property
     def attack_99(self) -> NDArray[np.float64]:
@@ -163,7 +178,8 @@ _DECLARED = {
     "power_mean_kW": _Kpi("mean brake power of one engine [kW]", lambda s: s.power / s.count),
     "power_peak_kW": _Kpi("highest brake power of one engine [kW]", lambda s: s.power_peak),
     "wave_torque_kN_m": _Kpi(
-        "swing of the shaft torque in waves: rms about its mean over 20 s [kN m]",
+        "swing of the shaft torque in waves: rms about its mean over 20 s, from 60 s after a new "
+        "order on [kN m]",
         lambda s: s.rms("torque"),
     ),
     "wave_engine_torque_kN_m": _Kpi(

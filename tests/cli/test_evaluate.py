@@ -66,7 +66,7 @@ def test_an_evaluation_is_made_again_where_an_imported_module_has_changed(tmp_pa
         "    def predict(self, observation, state=None, episode_start=None, deterministic=True):\n"
         "        return np.tile(np.float32([0.0, RACK]), (len(observation), 1)), state\n"
     )
-    rewards = []
+    burnt = []
     for rack in ("-1.0", "-1.0", "0.5"):
         (tmp_path / "gains.py").write_text(f"RACK = {rack}\n")
         command = [sys.executable, "-c", "from shaftline.cli.main import main; main()"]
@@ -75,8 +75,8 @@ def test_an_evaluation_is_made_again_where_an_imported_module_has_changed(tmp_pa
             cwd=tmp_path, capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-        rewards.append(float(pd.read_csv(tmp_path / "found/table.csv")["reward"][0]))
-    assert rewards[0] == rewards[1] != rewards[2]
+        burnt.append(float(pd.read_csv(tmp_path / "found/table.csv")["fuel_kg_nmi"][0]))
+    assert burnt[0] == burnt[1] != burnt[2]
     assert len(list((tmp_path / "found/cells").glob("*.json"))) == 2
 
 

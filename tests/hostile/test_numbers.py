@@ -75,7 +75,7 @@ def _task_tree() -> Tree:
 
 def _recipe_tree() -> Tree:
     tree: Tree = yaml.safe_load((ROOT / "agents/learning/recipes/ppo.yml").read_text())[TASK]
-    numbers = {"ent_coef": 0.01, "gamma": 0.99, "form": {"pitch_reach": 0.3, "history": 4}}
+    numbers = {"ent_coef": 0.01, "gamma": 0.99, "frame_stack": 4}
     return tree | numbers | {"policy_kwargs": {}}
 
 

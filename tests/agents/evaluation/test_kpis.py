@@ -12,6 +12,7 @@ import pytest
 
 from shaftline.agents.evaluation.kpis import KPIS, EpisodeSums
 from shaftline.envs import TERMS
+from shaftline.envs.records import TRUTHS
 
 ALIVE = ((True, True), (True, True), (True, False))
 """The second ship's episode ends after two intervals; what follows is another one's."""
@@ -130,6 +131,21 @@ def test_an_episode_that_ended_early_counts_no_further(rows: list[dict[str, floa
             "reward": 0.0,
         }
     )
+
+
+def test_fluctuations_in_waves_count_from_a_minute_after_a_new_order() -> None:
+    """A jump of the torque with the order does not count, where a calm minute follows it."""
+    sums = EpisodeSums(1, 0.5, 2.0)
+    base: dict[str, Any] = dict.fromkeys(TRUTHS, np.zeros(1))
+    terms: dict[str, Any] = {"reward_terms": dict.fromkeys(TERMS, np.zeros(1))}
+    for k in range(280):
+        new = k >= 10
+        info = base | terms | {"shaft_torque": np.array([9e4 if new else 1e4])}
+        sums.add(np.array([True]), info, np.ones(1), np.array([8.0 if new else 5.0]))
+        if k == 100:
+            assert sums.rms("torque")[0] > 10.0
+    assert sums.settled[0] == 280 - 10 - 120
+    assert sums.rms("torque")[0] < 2.5
 
 
 def test_a_rise_ends_at_nine_tenths_or_with_the_next_order() -> None:
