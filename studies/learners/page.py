@@ -17,6 +17,7 @@ from ...display.figures import PALETTE, new_figure, save
 from ...display.tables import markdown, write_table
 from ...envs import DEFAULTS
 from ...envs.tasks import HELD_OUT
+from .bounds import EPISODES as PLANNED
 from .bounds import STARTS, STEPS
 from .references import CONSTANT, CONTROLLERS, EPISODES, FIRST_SEED, HOLD, RANDOM, TUNED
 from .trainings import ALGORITHMS
@@ -28,7 +29,7 @@ _ACROSS = 3  # panels of the figure
 
 
 def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
-    """Return the bound of a task; None where plans are missing."""
+    """Return the bound of a task; None where a plan is missing."""
     same = found.get(f"same_{task}")
     seeds = sorted(
         {int(name.split("_")[-2]) for name in found if name.startswith(f"bound_{task}_")}
@@ -41,7 +42,7 @@ def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
         ]
         for seed in seeds
     ]
-    if same is None or not plans or any(len(row) < len(STARTS) for row in plans):
+    if same is None or len(plans) < PLANNED or any(len(row) < len(STARTS) for row in plans):
         return None
     best, worst = (np.array([end(row) for row in plans]) for end in (max, min))
     tuned = same.get(TUNED)
@@ -169,8 +170,8 @@ default policies (`MlpPolicy`, `MlpLstmPolicy`), from scratch, on
 `gymnasium.make("shaftline/Frigate-v0", task=TASK)` (`Steering-v0` for the steered tasks): one
 environment, default keywords, no base controller. Each is a mean over its trainings; none is chosen.
 Returns are sums of rewards over 600 intervals, so 600 is the most that the reward allows; {episodes}
-episodes from seed {first}, which no training draws. In brackets the **score**: 0 is the combinator, 1
-the clairvoyant bound below.
+episodes from seed {first}, which no training draws. In brackets, where the bound of a task is known,
+the **score**: 0 is the combinator, 1 the clairvoyant bound.
 
 `hold` never changes the first commands; `best constant` is the best of 81 constant commands, chosen on
 8 other episodes; `random` draws increments evenly. `tuned controller` is the best classic law that
@@ -199,7 +200,6 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
         if algorithm in ALGORITHMS:
             budget.setdefault(algorithm, set()).add(int(key.split("_")[-1]))
     steps = ", ".join(f"{name} {max(counts):,}" for name, counts in budget.items())
-    seeds = {k.split("_")[2] for k in found if k.startswith("bound_")}
     parts = [
         _TEXT.format(episodes=EPISODES, first=FIRST_SEED) + f" Control intervals: {steps}.",
         "## Seas of the training", markdown(_wide(table, names, "")),
@@ -209,9 +209,10 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
         markdown(_targets(table, names)),
         "![Learning curves](figures/learners.png)",
         "## Held-out seas", markdown(_wide(table, names, f":{HELD_OUT}")),
-        "## Bounds",
-        _BOUND_TEXT.format(steps=STEPS, n=len(seeds), starts=", ".join(f"`{s}`" for s in STARTS)),
-        markdown(_bounds(names, found)),
     ]  # fmt: skip
+    if any(bound_of(task, found) for task in names):
+        starts = ", ".join(f"`{start}`" for start in STARTS)
+        text = _BOUND_TEXT.format(steps=STEPS, n=PLANNED, starts=starts)
+        parts += ["## Bounds", text, markdown(_bounds(names, found))]
     write_table(folder, "learners", "Standard learners", COMMAND, table, "\n\n".join(parts))
     return folder / "learners.md"

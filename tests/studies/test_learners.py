@@ -69,6 +69,11 @@ PLANS = dict(
 )
 
 
+@pytest.fixture(autouse=True)
+def _two_planned_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page, "PLANNED", 2)
+
+
 def test_the_bound_is_the_best_start_of_each_episode() -> None:
     bound = page.bound_of(TASK, found_of(TASK, PLANS))
     assert bound is not None
