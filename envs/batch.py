@@ -47,7 +47,7 @@ from .starts import (
     steady_states,
     steady_tables,
 )
-from .tasks import get_task
+from .tasks import controller_for, get_task
 
 _BYTES_EACH = 1e5  # an environment with its sea, measured
 _FIELDS: Any = ENVIRONMENT.fields
@@ -171,10 +171,10 @@ class Batch:
         self.environments["observer"] = observer
         self.base: BaseController | None = None
         if settings.base_controller is not None:
-            text = settings.base_controller
-            if steered and "+" not in text:
-                text = f"{self.task.helmsman}+{text}"
-            self.base = BaseController(text, self.ship, self.interval_s, n, steered)
+            controller = controller_for(
+                self.task, settings.base_controller, self.ship, self.interval_s, steered
+            )
+            self.base = BaseController(controller, self.ship, n, steered)
         self._columns = np.array([_SIGNALS.index(name) for name in self.observed])
         top = float(self.table["ship_speed"].max())
         middle, half = observed_ranges(self.ship, top, self.observed)

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..baselines.controller import OBSERVED, Predictor
-from ..baselines.registry import make_controller, make_steering
 from ..baselines.steering import OBSERVED_STEERED
 from ..plant import Ship
 from .records import BASE_COMMANDS, OBSERVATION
@@ -32,23 +31,14 @@ class BaseController:
     """A classic controller that follows the environments of a batch.
 
     Args:
-        text: name and options, as :func:`shaftline.baselines.make_controller` takes them; of a steered
-            ship as :func:`shaftline.baselines.make_steering` does.
+        controller: of :func:`shaftline.envs.tasks.controller_for`.
         ship: of the batch.
-        interval_s: control interval [s].
         n: environments.
         steered: whether the rudder is an action.
-
-    Raises:
-        ControllerError: unknown name or option.
     """
 
-    def __init__(self, text: str, ship: Ship, interval_s: float, n: int, steered: bool) -> None:
-        self._controller: Predictor = (
-            make_steering(text, ship, interval_s)
-            if steered
-            else make_controller(text, ship, interval_s)
-        )
+    def __init__(self, controller: Predictor, ship: Ship, n: int, steered: bool) -> None:
+        self._controller = controller
         self._inputs = len(OBSERVED_STEERED if steered else OBSERVED)
         self._memory: Any = None
         self._action = np.zeros((n, 3 if steered else 2), np.float32)

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from ..baselines.controller import Predictor
+from ..baselines.registry import make_controller, make_steering
 from ..core.models import FileModel, explained
 from ..plant import Ship, load_ship
 from .rewards import Goals
@@ -134,6 +136,26 @@ class Task(FileModel):
             ShipError: it cannot be read, or the task changes what it does not have.
         """
         return load_ship(self.vessel if ship is None else ship).with_values(dict(self.ship))
+
+
+def controller_for(
+    task: Task, text: str, ship: Ship, interval_s: float, steered: bool
+) -> Predictor:
+    """Return a classic controller for a task.
+
+    Args:
+        task: whose helmsman is added to a name without one, where the rudder is an action.
+        text: as of :func:`shaftline.baselines.make_controller`, or ``HELMSMAN+CONTROLLER``.
+        ship: that is commanded.
+        interval_s: control interval [s].
+        steered: whether the rudder is an action.
+
+    Raises:
+        ControllerError: unknown name or option.
+    """
+    if not steered:
+        return make_controller(text, ship, interval_s)
+    return make_steering(text if "+" in text else f"{task.helmsman}+{text}", ship, interval_s)
 
 
 HELD_OUT = "held-out"

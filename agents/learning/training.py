@@ -26,7 +26,6 @@ from stable_baselines3.common.logger import Logger, make_output_format
 from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecFrameStack, VecMonitor
 
-from ...baselines import make_controller, make_steering
 from ...baselines.controller import Predictor
 from ...core.archives import read_archive
 from ...core.files import write_json
@@ -34,6 +33,7 @@ from ...core.sweep import digest_of, refuse_another, source_digest
 from ...envs import DEFAULTS, get_task
 from ...envs.batch import Batch
 from ...envs.sb3 import Sb3Frigates
+from ...envs.tasks import controller_for
 from ...plant import load_ship
 from ..evaluation.episodes import Setting, run_episodes
 from ..evaluation.statistics import interquartile_mean
@@ -342,11 +342,7 @@ def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[st
     name = base or "combinator"
     if task.steered and "+" not in name:
         name = f"{task.helmsman}+{name}"
-    controller: Predictor = (
-        make_steering(name, task.sailed(ship), interval)
-        if task.steered
-        else make_controller(name, task.sailed(ship), interval)
-    )
+    controller = controller_for(task, name, task.sailed(ship), interval, task.steered)
     words = f"the base controller {name}" if base else f"the {name}"
     return words, judged(controller, recipe, ship, threads)["reward"]
 

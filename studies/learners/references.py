@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from ...agents.evaluation.episodes import Setting, run_episodes
 from ...agents.learning.recipe import tuned_controller
-from ...baselines import make_controller, make_steering
 from ...baselines.controller import Predictor
 from ...envs import DEFAULTS, get_task
-from ...envs.tasks import HELD_OUT
+from ...envs.tasks import HELD_OUT, controller_for
 
 FIRST_SEED, EPISODES = 900_000, 48
 """Episodes on which everything is compared; no training and no search draws their seeds."""
@@ -110,9 +109,8 @@ def reference(task: str, name: str) -> Predictor:
     if name in (HOLD, RANDOM):
         held = np.zeros((1, numbers), np.float32) if name == HOLD else None
         return Blind(held, numbers, {"action_mode": "increment"})
-    if model.steered:
-        return make_steering(f"{model.helmsman}+{name}", ship, interval)
-    return make_controller(tuned_controller(task) if name == TUNED else name, ship, interval)
+    text = tuned_controller(task) if name == TUNED else name
+    return controller_for(model, text, ship, interval, model.steered)
 
 
 def best_constant(task: str, numbers: int) -> Blind:

@@ -192,6 +192,14 @@ def test_a_steered_residual_of_zero_is_its_base_controller_to_the_bit(task: str)
         starts = terminated | truncated
 
 
+def test_a_steered_residual_needs_no_steered_task() -> None:
+    env = SteeringEnv(task="transit", ship="frigate-turning", action_mode="residual")
+    seen, _ = env.reset(seed=1)
+    assert env.action_space.shape == (3,)
+    assert np.isfinite(env.step([0.0, 0.0, 0.1])[0]).all()
+    assert env.observation_space.contains(seen)
+
+
 def test_a_residual_adds_a_quarter_of_the_range_at_most_and_stays_inside_it() -> None:
     env = FrigateEnv(
         action_mode="residual", command="fuel-rack", task=STILL, normalised=False, sensor_noise=0.0
