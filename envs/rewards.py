@@ -8,7 +8,7 @@ al. 2018, section 3.2):
     g(x) = 1 / (1 + 9 z^2),   z = max(x - within, 0) / margin
 
 Goals without a weight are factors: none of them can be bought with another. Goals with a weight share
-what is left. The reward is
+the rest. The reward is
 
     r = product of the factors g_i * (1 - sum of w_j (1 - g_j))
 
