@@ -112,17 +112,18 @@ def about(name: str) -> About:
     """
     kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _known(name)
     words = (kind.__doc__ or "").split("\n\n")[0].replace("\n", " ").split(";")[0].rstrip(".")
-    free = {} if name in _HELMSMEN else tunable(name)
-    return About(words, getattr(kind, "source", ""), fixed, free)
+    return About(words, getattr(kind, "source", ""), fixed, tunable(name))
 
 
 def tunable(name: str) -> Mapping[str, tuple[float, float]]:
-    """Options of a controller that a search may set, with their ranges; a variant's own are set.
+    """Options of a controller or helmsman that a search may set, with their ranges.
+
+    What a variant sets is not among them.
 
     Raises:
         ControllerError: unknown name.
     """
-    kind, fixed = _known(name)
+    kind, fixed = (_HELMSMEN[name], {}) if name in _HELMSMEN else _known(name)
     own: Mapping[str, tuple[float, float]] = getattr(kind, "tunable", {})
     return {key: ends for key, ends in own.items() if key not in fixed}
 
@@ -237,8 +238,13 @@ def make_steering(text: str, ship: Ship, interval_s: float) -> SteeringControlle
         ControllerError: an unknown name, or an option that is not taken.
         ShipError: a ship that cannot be steered.
     """
-    helmsman, _, propulsion = text.partition("+")
+    helmsman, *propulsion = joined_names(text)
     return SteeringController(
-        make_controller(propulsion or "speed-pilot", ship, interval_s),
+        make_controller("+".join(propulsion) or "speed-pilot", ship, interval_s),
         make_helmsman(helmsman, ship, interval_s),
     )
+
+
+def joined_names(text: str) -> list[str]:
+    """Return the parts of ``HELMSMAN+CONTROLLER``, each with its options; one part without a plus."""
+    return re.split(r"\+(?=[A-Za-z_])", text)  # the plus of 1e+3 joins nothing

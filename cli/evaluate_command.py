@@ -18,7 +18,7 @@ from ..agents.evaluation.scores import bounds
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
 from ..baselines.controller import Predictor
 from ..core.sweep import check_backend
-from ..envs import CLASSIC, DEFAULTS, FrigateEnv, get_task, tasks
+from ..envs import CLASSIC, DEFAULTS, FrigateEnv, SteeringEnv, get_task, tasks
 from ..envs.settings import EPISODE_S, LONGEST_S
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
@@ -39,7 +39,8 @@ from .machine import numbers
 _INTERVAL = DEFAULTS.control_interval_s
 _SHOWN = (
     "reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "rack_travel_mm_min",
-    "overload_s", "overspeed_s", "cavitation_s", "ventilation_s", "failed",
+    "overload_s", "overspeed_s", "cavitation_s", "ventilation_s", "heading_error_rms_deg",
+    "track_error_rms_m", "rudder_travel_deg_min", "failed",
 )  # fmt: skip
 
 
@@ -48,7 +49,7 @@ def evaluate(
         list[str],
         typer.Option(help=f"NAME, NAME:option=number or policy:FILE; repeatable. {known()}."),
     ],
-    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "transit",
+    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks(None))}.")] = "transit",
     sea: Annotated[
         list[str] | None,
         typer.Option(
@@ -111,7 +112,8 @@ def evaluate(
     with clear_errors():
         check_folder(out)
         check_backend(jobs, backend, scheduler)
-        sailed = get_task(task).sailed(ship)
+        model = get_task(task)
+        sailed = model.sailed(ship)
         if "all" in observer:
             observer = observer_names()
         for name in observer:
@@ -122,7 +124,7 @@ def evaluate(
                 get_sea(name)
         made: dict[str, Predictor] = {}
         for text in controller:
-            commander = load_controller(text, sailed, _INTERVAL)
+            commander = load_controller(text, sailed, _INTERVAL, model)
             made[label(text)] = commander
         grid = itertools.product(*map(dict.fromkeys, (made, seas, observer)))
         cells = [Setting(c, task, s, o, seeds, ship, episode_s) for c, s, o in grid]
@@ -164,7 +166,8 @@ def evaluate(
 
 
 def _last_frame(setting: Setting, controller: Predictor) -> np.ndarray:  # type: ignore[type-arg]
-    env = FrigateEnv(
+    kind = SteeringEnv if get_task(setting.task).steered else FrigateEnv
+    env: FrigateEnv | SteeringEnv = kind(
         ship=setting.vessel,
         task=setting.task,
         sea=None if setting.sea == "task" else setting.sea,

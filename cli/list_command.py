@@ -40,7 +40,7 @@ def registries() -> dict[str, pd.DataFrame]:
         "Controllers": _controllers(controller_names(), "controller"),
         "Helmsmen": _controllers(helmsman_names(), "helmsman"),
         "Tasks": pd.DataFrame(
-            [(name, task.description) for name, task in tasks().items()],
+            [(name, task.description) for name, task in tasks(None).items()],
             columns=["task", "description"],
         ),
         "Reward terms": pd.DataFrame(
@@ -71,7 +71,7 @@ def _goals() -> pd.DataFrame:
     rows = [
         (name, term, f"{goal.within:g}", f"{goal.margin:g}",
          "factor" if goal.weight is None else f"{goal.weight:g}", goal.reason)
-        for name, task in {**tasks(), **tasks(steered=True)}.items()
+        for name, task in tasks(None).items()
         for term, goal in task.goals.used.items()
     ]  # fmt: skip
     heads = ["task", "term", "fully reached within", "margin (value 0.1)", "weight", "reason"]

@@ -18,7 +18,7 @@ class Device(StrEnum):
     CUDA = "cuda"
 
 
-TaskName = Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")]
+TaskName = Annotated[str, typer.Option(help=f"One of {', '.join(tasks(None))}.")]
 Algorithm = Annotated[str, typer.Option(help="`ppo` or `sac`.")]
 Timesteps = Annotated[
     int | None,

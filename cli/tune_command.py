@@ -18,10 +18,11 @@ def tune(
     controller: Annotated[
         str,
         typer.Option(
-            help=f"One of {', '.join(controller_names())}, or NAME:option=number,... whose options stay."
+            help=f"One of {', '.join(controller_names())}, or NAME:option=number,... whose options "
+            "stay; HELMSMAN+NAME where the rudder is an action."
         ),
     ] = "speed-pilot",
-    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks())}.")] = "rough-sea",
+    task: Annotated[str, typer.Option(help=f"One of {', '.join(tasks(None))}.")] = "rough-sea",
     vary: Annotated[
         list[str] | None,
         typer.Option(

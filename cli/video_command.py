@@ -26,7 +26,7 @@ def video(
         ),
     ],
     task: Annotated[
-        str, typer.Option(help=f"Task, or TASK:held-out: {', '.join(tasks())}.")
+        str, typer.Option(help=f"Task, or TASK:held-out: {', '.join(tasks(None))}.")
     ] = "rough-sea",
     seed: Annotated[int, typer.Option(min=0, help="Of the episode: all meet the same.")] = 1,
     begin_s: Annotated[float, typer.Option(min=0.0, help="Where the film begins [s].")] = 60.0,

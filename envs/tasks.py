@@ -181,13 +181,13 @@ def _all() -> dict[str, Task]:
     }
 
 
-def tasks(steered: bool = False) -> dict[str, Task]:
+def tasks(steered: bool | None = False) -> dict[str, Task]:
     """The tasks that come with the package, by name.
 
     Args:
-        steered: those in which the rudder is an action, in place of the others.
+        steered: those in which the rudder is an action, in place of the others; None for both.
     """
-    return {name: task for name, task in _all().items() if task.steered is steered}
+    return {name: task for name, task in _all().items() if steered in (None, task.steered)}
 
 
 def get_task(task: str | Task | dict[str, Any]) -> Task:

@@ -60,7 +60,8 @@ def sailed(text: str, task: str, seed: int, observer: str) -> Run:
         seed: of the episode.
         observer: whose estimate the controller sees.
     """
-    made = load_controller(text, get_task(task).sailed(), DEFAULTS.control_interval_s)
+    model = get_task(task)
+    made = load_controller(text, model.sailed(), DEFAULTS.control_interval_s, model)
     kpis, rows = run_episodes(Setting(text, task, "task", observer, 1, first_seed=seed), made)
     trace = pd.DataFrame(rows, columns=list(TRACE)).set_index("time")
     one = kpis.iloc[0]

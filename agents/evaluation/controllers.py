@@ -7,9 +7,10 @@ from pathlib import Path
 
 from ...baselines import ControllerError, controller_names, make_controller
 from ...baselines.controller import Predictor
-from ...baselines.registry import CONTROLLERS, read_options
+from ...baselines.registry import CONTROLLERS, joined_names, read_options
 from ...core.discovery import version_of_others
 from ...core.sweep import source_digest
+from ...envs.tasks import Task, controller_for
 from ...plant import Ship
 from ..policy.policy import PolicyError, load_policy, trained
 
@@ -23,13 +24,17 @@ def known() -> str:
     )
 
 
-def load_controller(text: str, ship: Ship, interval_s: float) -> Predictor:
+def load_controller(
+    text: str, ship: Ship, interval_s: float, task: Task | None = None
+) -> Predictor:
     """A controller from ``NAME``, ``NAME:option=number,...`` or ``policy:FILE``.
 
     Args:
         text: as above; a policy's file, or the name of one that comes with the package.
         ship: the ship that it shall command.
         interval_s: control interval [s].
+        task: that it is loaded for. Where that has the rudder as an action, ``HELMSMAN+NAME`` chooses
+            who lays it; the task's own helmsman does otherwise.
 
     Raises:
         ControllerError: unknown name, or an option that the controller does not take.
@@ -37,8 +42,12 @@ def load_controller(text: str, ship: Ship, interval_s: float) -> Predictor:
     """
     kind, _, source = text.partition(":")
     if kind != _POLICY:
-        name, _ = read_options(text)
-        if ":" in name or name in controller_names():
+        steered = task is not None and task.steered
+        parts = joined_names(text)
+        name, _ = read_options(parts[-1])
+        if (":" in name or name in controller_names()) and len(parts) <= 1 + steered:
+            if task is not None:
+                return controller_for(task, text, ship, interval_s, steered)
             return make_controller(text, ship, interval_s)
     if kind != _POLICY or not source:
         raise ControllerError(f"unknown controller {text!r}; known: {known()}")
@@ -59,9 +68,10 @@ def label(text: str) -> str:
     eight letters of its content and of the source that runs it, the name of a user's controller by eight
     letters of its source and of what that imports: results of the old one are then not used again.
     """
-    name, _, source = text.partition(":")
-    if name != _POLICY:
-        return f"{text} {version_of_others(read_options(text)[0], CONTROLLERS)}".rstrip()
+    kind, _, source = text.partition(":")
+    if kind != _POLICY:
+        propulsion = joined_names(text)[-1]
+        return f"{text} {version_of_others(read_options(propulsion)[0], CONTROLLERS)}".rstrip()
     path = trained().get(source, Path(source))
     return f"{_POLICY}:{'/'.join(Path(source).parts[-2:])} {version_of(path)}"
 

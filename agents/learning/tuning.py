@@ -14,9 +14,9 @@ import cma
 import numpy as np
 from numpy.typing import NDArray
 
-from ...baselines.registry import ControllerError, make_controller, read_options, tunable
+from ...baselines.registry import ControllerError, joined_names, read_options, tunable
 from ...envs.settings import DEFAULTS, EPISODE_S
-from ...envs.tasks import get_task
+from ...envs.tasks import Task, controller_for, get_task
 from ..evaluation.episodes import Setting, run_episodes
 
 FIRST_SEED = 700_000
@@ -30,7 +30,7 @@ class Tuned(NamedTuple):
     """What a search found."""
 
     controller: str
-    """As ``NAME:option=number,...``."""
+    """With its options, as :func:`tune` takes it."""
     reward: float
     """Mean over the episodes of the search, which flatters it."""
     fresh: float
@@ -39,6 +39,35 @@ class Tuned(NamedTuple):
     """What the controller gets there with the constants that it was given."""
     sailed: int
     """Candidates."""
+
+
+class _Part(NamedTuple):
+    """One controller of a text: the helmsman, or who sets pitch and rack."""
+
+    name: str
+    given: Mapping[str, float]
+
+
+def _parts(text: str, task: Task) -> list[_Part]:
+    """Return the parts of a controller for a task, the task's own helmsman first where it has none."""
+    names = joined_names(text)
+    if task.steered and len(names) == 1:
+        names = [task.helmsman, *names]
+    return [_Part(*read_options(name)) for name in names]
+
+
+def _free(
+    parts: list[_Part], ranges: Mapping[str, tuple[float, float]] | None
+) -> dict[tuple[int, str], tuple[float, float]]:
+    """Return the ranges that are searched, by part and option."""
+    declared = [tunable(part.name) for part in parts]
+    last = len(parts) - 1
+    if ranges is None:
+        every = [(k, *item) for k, own in enumerate(declared) for item in own.items()]
+    else:
+        owner = {key: k for k, own in enumerate(declared) for key in own}
+        every = [(owner.get(key, last), key, ends) for key, ends in ranges.items()]
+    return {(k, key): ends for k, key, ends in every if key not in parts[k].given}
 
 
 def tune(
@@ -57,7 +86,8 @@ def tune(
     """Search a controller's constants.
 
     Args:
-        controller: ``NAME`` or ``NAME:option=number,...``; what is given here stays.
+        controller: ``NAME`` or ``NAME:option=number,...``; what is given here stays. For a task with
+            the rudder as an action ``HELMSMAN+NAME``, or the task's own helmsman is searched, too.
         task: name, on whose training's seas candidates sail.
         ranges: lowest and highest of each constant; those that the controller declares by default.
         rounds: generations.
@@ -72,69 +102,77 @@ def tune(
         ControllerError: unknown name or option, or nothing that may be searched for.
         ValueError: a range that is none, or numbers below one.
     """
-    name, given = read_options(controller)
-    free = {key: ends for key, ends in (ranges or tunable(name)).items() if key not in given}
+    model = get_task(task)
+    parts = _parts(controller, model)
+    free = _free(parts, ranges)
     if not free:
         raise ControllerError(f"{controller!r}: it has no constant that may be searched for")
-    for key, (low, high) in free.items():
+    for (_, key), (low, high) in free.items():
         if not (np.isfinite(low) and np.isfinite(high) and low < high):
             raise ValueError(f"range of {key}: {low!r} to {high!r} is none")
     if min(rounds, episodes) < 1:
         raise ValueError("rounds and episodes must be 1 or more")
-    ship = get_task(task).sailed()
+    ship = model.sailed()
     first = FIRST_SEED + 2 * seed * episodes
 
     def sail(text: str, seeds_from: int) -> float:
         setting = Setting(
             text, task, "task", observer, episodes, episode_s=episode_s, first_seed=seeds_from
         )
-        made = make_controller(text, ship, DEFAULTS.control_interval_s)
+        made = controller_for(model, text, ship, DEFAULTS.control_interval_s, model.steered)
         kpis, _ = run_episodes(setting, made, threads=threads)
         return float(kpis["reward"].mean())
 
     untuned = sail(controller, first + episodes)  # which refuses what the controller does not take
-    found = searched(name, given, free, lambda text: sail(text, first), rounds, seed, tick)
+    found = _searched(parts, free, lambda text: sail(text, first), rounds, seed, tick)
     return Tuned(
         found.text, found.reward, sail(found.text, first + episodes), untuned, found.sailed
     )
 
 
-class Searched(NamedTuple):
+class _Searched(NamedTuple):
     """The best of a search."""
 
-    text: str  # ``NAME:option=number,...``
+    text: str  # the controller with its options
     reward: float  # which flatters it
     sailed: int  # candidates
 
 
-def searched(
-    name: str,
-    given: Mapping[str, float],
-    free: Mapping[str, tuple[float, float]],
+def _searched(
+    parts: list[_Part],
+    free: Mapping[tuple[int, str], tuple[float, float]],
     sail: Callable[[str], float],
     rounds: int,
     seed: int,
-    tick: Callable[[int, int, str], None] = lambda done, total, said: None,
-) -> Searched:
-    """The search itself, whatever sails.
+    tick: Callable[[int, int, str], None],
+) -> _Searched:
+    """Return the best controller of a search.
 
     Args:
-        name: of what has constants.
-        given: constants that stay.
-        free: range of each that is searched for.
-        sail: reward of ``NAME:option=number,...``.
+        parts: controllers with the constants that stay.
+        free: range of each constant that is searched for, by part and option.
+        sail: reward of a controller.
         rounds: generations.
         seed: of the search.
         tick: as of :func:`tune`.
     """
 
     def text_of(point: NDArray[np.float64]) -> str:
-        found = {
-            key: low + (high - low) * float(share)
-            for (key, (low, high)), share in zip(free.items(), point, strict=True)
-        }
-        listed = (f"{key}={value:.{_DIGITS}g}" for key, value in (dict(given) | found).items())
-        return f"{name}:{','.join(listed)}"
+        options = [dict(part.given) for part in parts]
+        for ((k, key), (low, high)), share in zip(free.items(), point, strict=True):
+            options[k][key] = low + (high - low) * float(share)
+        return "+".join(
+            ":".join(
+                filter(
+                    None,
+                    [
+                        part.name,
+                        ",".join(f"{key}={value:.{_DIGITS}g}" for key, value in own.items()),
+                    ],
+                )
+            )
+            for part, own in zip(parts, options, strict=True)
+        )
 
     rng = np.random.default_rng(seed)
     search = cma.CMAEvolutionStrategy(
@@ -160,4 +198,4 @@ def searched(
         tick(k + 1, rounds, f"reward {most:.5g}")
         if search.stop():
             break
-    return Searched(best, most, sailed)
+    return _Searched(best, most, sailed)

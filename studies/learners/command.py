@@ -22,11 +22,6 @@ STEPS = {"ppo": 300_000, "recurrent-ppo": 300_000, "sac": 50_000, "td3": 50_000}
 """Control intervals of a training."""
 
 
-def every_task() -> list[str]:
-    """Return the names of all tasks, steered ones last."""
-    return [*tasks(), *tasks(steered=True)]
-
-
 def learners(algorithms: list[str], names: list[str], seeds: int, folder: Path) -> list[Learner]:
     """Return all trainings, seed by seed, so that an interrupted run covers every task."""
     return [
@@ -45,7 +40,7 @@ def main(arguments: list[str] | None = None) -> None:
     add = parser.add_argument
     add("--out", type=Path, default=Path("out/learners/page"), help="folder of the page")
     add("--kept", type=Path, default=Path("out/learners"), help="folder of trainings and plans")
-    add("--task", nargs="+", choices=every_task(), default=every_task(), help="tasks")
+    add("--task", nargs="+", choices=list(tasks(None)), default=list(tasks(None)), help="tasks")
     add("--algorithm", nargs="*", choices=ALGORITHMS, default=list(ALGORITHMS), help="learners")
     add("--seeds", type=int, default=5, help="trainings of each learner on each task")
     add("--no-plans", action="store_true", help="no clairvoyant bounds")

@@ -11,7 +11,9 @@ from shaftline.agents import PolicyError, load_controller, load_policy
 from shaftline.agents.evaluation import controllers
 from shaftline.agents.evaluation.controllers import known, label, version_of
 from shaftline.agents.policy.policy import Policy, trained
+from shaftline.baselines import SteeringController
 from shaftline.baselines.registry import ControllerError
+from shaftline.envs import get_task
 from shaftline.plant import load_ship
 
 SHIP = load_ship("frigate-at-sea")
@@ -31,6 +33,24 @@ def test_controllers_by_name(file: Path) -> None:
     assert isinstance(load_controller("policy:rough-sea", SHIP, 0.5), Policy)
     assert not isinstance(load_controller("combinator", SHIP, 0.5), Policy)
     assert not isinstance(load_controller("combinator:response_s=3", SHIP, 0.5), Policy)
+
+
+@pytest.mark.parametrize(
+    ("text", "helmsman", "propulsion"),
+    [
+        ("va-pitch", "autopilot", "va-pitch"),
+        ("autopilot:gain=2+combinator:response_s=1e+1", "autopilot", "combinator"),
+        ("track-keeper+speed-pilot", "track-keeper", "speed-pilot"),
+    ],
+)
+def test_a_task_with_a_rudder_gets_a_helmsman(text: str, helmsman: str, propulsion: str) -> None:
+    task = get_task("course-keeping")
+    found = load_controller(text, task.sailed(), 0.5, task)
+    assert isinstance(found, SteeringController)
+    assert (found.helmsman.name, found.propulsion.name) == (helmsman, propulsion)
+    assert label(text) == text
+    with pytest.raises(ControllerError, match="unknown controller"):
+        load_controller("autopilot+va-pitch", SHIP, 0.5, get_task("transit"))
 
 
 @pytest.mark.parametrize("text", ["autopilot", "autopilot:gain=1", "policy", "policy:"])

@@ -32,6 +32,21 @@ def test_what_a_variant_sets_is_not_searched_for() -> None:
     assert (name, set(options)) == ("combinator-trimmed", {"response_s"})
 
 
+def test_the_helmsman_of_a_task_with_a_rudder_is_searched_too() -> None:
+    found = tune("combinator-trimmed", "course-keeping", **QUICK)
+    helmsman, propulsion = map(read_options, found.controller.split("+"))
+    assert helmsman[0] == "autopilot"
+    assert set(helmsman[1]) == {"gain", "reset_lengths", "turn_deg"}
+    assert set(propulsion[1]) == {"response_s"}
+    ranges = {"gain": (1.0, 2.0)}
+    found = tune("autopilot:turn_deg=9+va-pitch", "course-keeping", ranges=ranges, **QUICK)
+    helmsman, propulsion = map(read_options, found.controller.split("+"))
+    assert set(helmsman[1]) == {"gain", "turn_deg"}
+    assert helmsman[1]["turn_deg"] == 9.0
+    assert 1.0 <= helmsman[1]["gain"] <= 2.0
+    assert propulsion == ("va-pitch", {})
+
+
 def test_what_a_search_cannot_do_is_refused() -> None:
     with pytest.raises(ControllerError, match="unknown controller 'helm'"):
         tune("helm", "acceleration", **QUICK)
