@@ -26,11 +26,10 @@ from ..plant.stepping import Disturbance, observe, step
 from ..plant.waves import inflow_ahead
 from .randomness import normal
 from .records import LIMITED_RACK, MAX_ORDERS, SHAFT_SPEED
-from .rewards import Instant, add_terms, clear_terms, fuel_of_all, reward_of
+from .rewards import MEAN_S, Instant, add_terms, clear_terms, fuel_of_all, reward_of
 
 DRIFT_SWING = 0.5  # amplitude of the slow swing of the side force, over its mean
 
-MEAN_S = 20.0  # over which a torque's mean is taken
 
 TRAVERSE_S = 20.0
 """Time in which a command crosses its whole range at an increment of 1 [s]."""
@@ -230,6 +229,7 @@ def first_observation(
             env.plant, outputs.advance_velocity, state.shaft_speed, outputs.pitch_ratio
         )
         outside = outside_bucket(env.plant, attack, state.shaft_speed, outputs.submergence)
+        episode.mean_speed = state.ship_speed
         episode.mean_torque = outputs.shaft_torque
         episode.mean_brake_torque = outputs.brake_torque
         episode.mean_attack = attack
@@ -392,6 +392,7 @@ def control_interval(
             )
             outside = outside_bucket(plant, attack, shaft_speed, outputs.submergence)
             fading = dt / MEAN_S
+            episode.mean_speed += fading * (before.ship_speed - episode.mean_speed)
             episode.mean_torque += fading * (outputs.shaft_torque - episode.mean_torque)
             episode.mean_brake_torque += fading * (outputs.brake_torque - episode.mean_brake_torque)
             episode.mean_attack += fading * (attack - episode.mean_attack)
@@ -399,7 +400,8 @@ def control_interval(
             now = Instant(
                 order, before.ship_speed, shaft_speed, memory.rack, drive, episode.drive,
                 episode.mean_torque, episode.mean_brake_torque, attack, episode.mean_attack, outside,
-                pitch_before, episode.reference_fuel[which],
+                pitch_before, episode.mean_speed, episode.reference_fuel[which],
+                episode.reference_power[which],
                 shorter_way(before.heading - episode.heading_orders[which]),
                 before.cross_track - episode.track_orders[which],
                 laid - laid_before, dt,

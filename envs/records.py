@@ -29,11 +29,13 @@ EPISODE = np.dtype(
         ("resistance_frequency", np.float64),  # [rad/s]
         ("resistance_phase", np.float64),
         ("reference_fuel", np.float64, (MAX_ORDERS,)),  # of the steady state at each order [kg/s]
+        ("reference_power", np.float64, (MAX_ORDERS,)),  # likewise, to tow the ship [W]
         ("pitch_command", np.float64),
         ("rudder_command", np.float64),  # [rad]
         ("drive", np.float64),  # command of the fuel rack in force [mm]
         ("rack_command", np.float64),  # fuel rack command of the agent, before any limiter [mm]
         ("shaft_speed_command", np.float64),  # set-point of the governor [rad/s]
+        ("mean_speed", np.float64),  # of the ship over the last MEAN_S [m/s]
         ("mean_torque", np.float64),  # over the last MEAN_S [N m]
         ("mean_brake_torque", np.float64),  # likewise of one engine [N m]
         ("mean_attack", np.float64),  # likewise of the blades' angle of attack [deg]

@@ -58,7 +58,8 @@ class Goals(FileModel):
     fuel_excess: Goal | None = Field(
         default=None,
         description="fuel flow over that of the steady state at the ordered speed, three quarters of "
-        "the pitch range and the mean resistance of the episode, less 1",
+        "the pitch range and the mean resistance of the episode, less 1; kinetic energy that the "
+        "ship gains or loses counts as fuel, as the state of charge of a hybrid's battery (SAE J1711)",
     )
     overload: Goal | None = Field(
         default=None,
@@ -121,6 +122,9 @@ class Goals(FileModel):
         return {name: goal for name in TERMS if (goal := getattr(self, name)) is not None}
 
 
+MEAN_S = 20.0
+"""Time over which the means of torques, angle of attack and ship speed are taken [s]."""
+
 NEAR_LIMIT = 0.05
 """Share of the engine's envelope, from above, in which its torque is near the limit."""
 
@@ -158,7 +162,9 @@ class Instant(NamedTuple):
     mean_attack: float  # angle of attack over the last 20 s [deg]
     outside_bucket: float  # angle of attack beyond the cavitation bucket [deg]
     pitch_before: float  # P/D of the last step [-]
+    mean_speed: float  # of the ship over the last 20 s [m/s]
     reference_fuel: float  # fuel flow of the reference steady state, all engines [kg/s]
+    reference_power: float  # power to tow the ship in that state [W]
     heading_error: float  # by the shorter way [rad]
     track_error: float  # [m]
     rudder_turn: float  # change of the rudder angle over the step [rad]
@@ -191,7 +197,8 @@ def add_terms(
     terms.speed_error_m_s += share * abs(now.ship_speed - now.order)
     terms.fuel_kg_s += share * fuel
     if now.reference_fuel > 0.0:
-        terms.fuel_excess += share * (fuel / now.reference_fuel - 1.0)
+        way = plant.mass * now.mean_speed * (now.ship_speed - now.mean_speed) / MEAN_S
+        terms.fuel_excess += share * (fuel / now.reference_fuel - way / now.reference_power - 1.0)
     terms.overload += share * max(asked / limit - 1.0, 0.0)
     terms.near_limit += share * min(max((asked / limit - 1.0) / NEAR_LIMIT + 1.0, 0.0), 1.0)
     terms.overspeed += share * max(engine_speed / plant.engine_speed_max - 1.0, 0.0)

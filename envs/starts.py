@@ -316,9 +316,12 @@ def start_episodes(
             order = episode.orders[j]
             if j > 0 and order == episode.orders[j - 1]:
                 episode.reference_fuel[j] = episode.reference_fuel[j - 1]
+                episode.reference_power[j] = episode.reference_power[j - 1]
                 continue
             there, below = _load(plant, sea, tables, order, factor)
             episode.reference_fuel[j] = _steady_value(tables, 5, below, there, order)
+            ahead = water_speed(plant, max(order, tables.slowest))
+            episode.reference_power[j] = there * resistance(plant, ahead, 1.0) * order
         state.ship_speed = clip(speed, tables.slowest, tables.fastest)
         state.shaft_speed = _steady_value(tables, 1, lower, load, speed)
         state.pitch_ratio = _steady_value(tables, 2, lower, load, speed)

@@ -39,7 +39,8 @@ from ...plant.waves import SEA
 _FAST = 1.3
 """Bound of the rate over the actuator's: the blades close in on the command within an interval."""
 
-_MEMORIES = {("memory", "rack"): 1e-2, ("episode", "drive"): 1e-2, ("episode", "mean_torque"): 10.0,
+_MEMORIES = {("memory", "rack"): 1e-2, ("episode", "drive"): 1e-2, ("episode", "mean_speed"): 1e-3,
+             ("episode", "mean_torque"): 10.0,
              ("episode", "mean_brake_torque"): 10.0, ("episode", "mean_attack"): 1e-3}  # fmt: skip
 """What is carried from interval to interval beside the states, and by how much it is moved."""
 

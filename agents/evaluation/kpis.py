@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...envs.kernel import MEAN_S
-from ...envs.rewards import NEAR_LIMIT
+from ...envs.rewards import MEAN_S, NEAR_LIMIT
 
 _NAUTICAL_MILE = 1852.0
 _STEP_M_S = 0.5
@@ -44,6 +43,7 @@ class EpisodeSums:
         self.power, self.power_peak, self.distance, self.short = np.zeros((4, n))
         self.failed = np.zeros(n, dtype=bool)
         self.pitch_travel, self.outside, self.limit = np.zeros((3, n))
+        self.heading, self.track, self.rudder = np.zeros((3, n))
         self.pitch = np.full(n, np.nan)
         # angles of attack, interval by interval; nan where an episode is over
         self.attack: list[NDArray[np.float64]] = []
@@ -90,6 +90,9 @@ class EpisodeSums:
         self.reward += alive * reward
         self.distance = np.where(alive, info["position"], self.distance)
         self.failed |= np.logical_and(alive, info.get("_ended", False))
+        self.heading += alive * terms["heading_error_deg"] ** 2
+        self.track += alive * terms["track_error_m"] ** 2
+        self.rudder += alive * terms["rudder_rate_deg_s"] * interval
         self.outside += alive * (info["outside_bucket"] > 0.0) * interval
         moved = np.abs(info["blade_pitch"] - self.pitch)
         self.pitch_travel += np.where(alive & np.isfinite(moved), moved, 0.0)
@@ -197,6 +200,17 @@ _DECLARED = {
     "rise_s": _Kpi(
         "mean time from a new order until nine tenths of its step are done, or the next order [s]",
         lambda s: s.rising * s.interval_s / np.maximum(s.rises, 1.0),
+    ),
+    "heading_error_rms_deg": _Kpi(
+        "rms of heading minus order, 0 where nothing is steered [deg]",
+        lambda s: np.sqrt(s.heading / s.count),
+    ),
+    "track_error_rms_m": _Kpi(
+        "rms of the distance from the ordered line, 0 where nothing is steered [m]",
+        lambda s: np.sqrt(s.track / s.count),
+    ),
+    "rudder_travel_deg_min": _Kpi(
+        "travel of the rudder [deg/min]", lambda s: s.rudder / s.time * 60.0
     ),
     "failed": _Kpi(
         "episodes that stalled or tripped [share]", lambda s: s.failed.astype(np.float64)

@@ -81,6 +81,15 @@ def test_the_reference_fuel_is_that_of_the_steady_state_at_each_order() -> None:
         assert found[k] == pytest.approx(expected, rel=1e-6)
 
 
+def test_the_reference_power_tows_the_ship_at_each_order() -> None:
+    """R v = c1 v^3 of the frigate, 2.5 % more resistance; the thrust of both propellers, less t."""
+    env = FrigateEnv(task=STILL)
+    env.reset(seed=0, options={"speed_order_m_s": [6.0, 7.0], "resistance_rise": 0.025})
+    found = env.batch.arrays.episodes[0]["reference_power"]
+    c1 = env.batch.ship.hull.resistance_coefficient_N_s2_m2
+    assert found[[0, 1, 63]] == pytest.approx(1.025 * c1 * np.array([6.0, 7.0, 7.0]) ** 3)
+
+
 def test_waves_and_a_higher_resistance_raise_the_reference_fuel() -> None:
     env = FrigateEnv(ship="frigate-at-sea", task=STILL)
     changes: list[dict[str, Any]] = [
@@ -109,10 +118,14 @@ def begun(**options: Any) -> dict[str, Any]:
 LOADED = {"mean_torque", "mean_attack", "measured_mean_torque", "estimated_mean_attack"}
 """What depends on the waves."""
 STARTS = {"drive", "integral", "measured_shaft_speed", "mean_brake_torque", "rack_command",
-          "shaft_speed_command", "estimated_mean_brake_torque", "speed", *LOADED}  # fmt: skip
+          "shaft_speed_command", "estimated_mean_brake_torque", "mean_speed", "speed",
+          *LOADED}  # fmt: skip
 """What depends on the initial speed."""
-ORDERED = {"orders", "reference_fuel", *STARTS}
+REFERENCES = {"reference_fuel", "reference_power"}
+ORDERED = {"orders", *REFERENCES, *STARTS}
 """What depends on orders that are given."""
+UNMOVED = {"speed", "mean_speed"}
+"""What a resistance leaves as it is."""
 SEA_CHANGES = {"sea", "waves", *LOADED}
 """What depends on the sea; this ship has no added resistance in waves."""
 
@@ -124,7 +137,7 @@ SEA_CHANGES = {"sea", "waves", *LOADED}
         ({"speed_order_m_s": (7.0, 8.0)}, ORDERED),
         ({"order_interval_s": 20.0}, {"order_interval"}),
         ({"initial_speed_m_s": 6.0}, STARTS),
-        ({"resistance_rise": 0.5}, {"resistance_mean", "reference_fuel", *STARTS} - {"speed"}),
+        ({"resistance_rise": 0.5}, {"resistance_mean", *REFERENCES, *STARTS} - UNMOVED),
         ({"sea": "calm"}, SEA_CHANGES),
         ({"sea": "state-7"}, SEA_CHANGES),
         ({"sea": ["state-7"]}, SEA_CHANGES),

@@ -15,7 +15,7 @@ from shaftline.envs.tasks import HELD_OUT
 
 from .programmes import scripted
 
-INTERVALS = 80
+INTERVALS = 160
 SEEDS = 12
 FIRST_SEED = 1000
 CASES = [

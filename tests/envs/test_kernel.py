@@ -139,12 +139,13 @@ def attack_of(plant: Any, now: Moment) -> float:
 
 
 def swinging(plant: Any, now: Moment) -> Any:
-    """Return what has a mean over 20 s: torque at the gauge, of one engine, angle of attack."""
-    return np.array([now.outputs.shaft_torque, now.outputs.brake_torque, attack_of(plant, now)])
+    """Return what has a mean over 20 s: torque at the gauge and of one engine, attack, speed."""
+    out = now.outputs
+    return np.array([out.shaft_torque, out.brake_torque, attack_of(plant, now), now.ship_speed])
 
 
 def by_formula(
-    plant: Any, moments: list[Moment], before: Moment, means: list[Any], references: Any
+    plant: Any, moments: list[Moment], before: Moment, means: list[Any], episode: Any
 ) -> Any:
     """Return the terms of an interval, from the plant's own equations."""
     rows = []
@@ -152,7 +153,9 @@ def by_formula(
         swing = np.abs(swinging(plant, now) - mean)
         engine = plant["gear_ratio"] * now.shaft_speed
         out, error = now.outputs, now.ship_speed - now.order
-        reference = references[[5.0, 5.5, 6.5].index(now.order)]
+        order = [5.0, 5.5, 6.5].index(now.order)
+        way = plant["mass"] * mean[3] * (now.ship_speed - mean[3]) / 20.0
+        towing = episode["reference_power"][order]
         asked = rack_torque(plant, engine, now.rack) / torque_limit(plant, engine)
         burrill = burrill_ratio(plant, out.thrust, out.advance_velocity, now.shaft_speed,
                                 out.pitch_ratio, out.submergence)  # fmt: skip
@@ -161,7 +164,7 @@ def by_formula(
                 "speed_error_m_s": abs(error),
                 "fuel_kg_s": now.fuel,
                 "overload": max(asked - 1.0, 0.0),
-                "fuel_excess": now.fuel / reference - 1.0,
+                "fuel_excess": now.fuel / episode["reference_fuel"][order] - way / towing - 1.0,
                 "rack_travel_mm": len(moments) * abs(now.drive - last.drive),
                 "cavitation": max(burrill - 1.0, 0.0),
                 "overspeed": max(engine / plant["engine_speed_max"] - 1.0, 0.0),
@@ -185,7 +188,8 @@ def by_formula(
 def test_reward_terms_are_means_over_the_interval(mode: str, command: str) -> None:
     env, hand, _ = storm(action_mode=mode, command=command)
     start = env.batch.arrays.episodes[0].copy()
-    mean = np.array([start[f"mean_{name}"] for name in ("torque", "brake_torque", "attack")])
+    means_of = ("torque", "brake_torque", "attack", "speed")
+    mean = np.array([start[f"mean_{name}"] for name in means_of])
     before: Any = None
     met: dict[str, float] = {}
     for action in PLAN:
@@ -197,7 +201,7 @@ def test_reward_terms_are_means_over_the_interval(mode: str, command: str) -> No
         for now in moments:
             mean = mean + 0.05 / 20.0 * (swinging(hand.plant, now) - mean)
             means.append(mean)
-        expected = by_formula(hand.plant, moments, before, means, start["reference_fuel"])
+        expected = by_formula(hand.plant, moments, before, means, start)
         found = dict(info["reward_terms"])
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
         met = {name: max(met.get(name, 0.0), abs(value)) for name, value in expected.items()}

@@ -32,8 +32,8 @@ LIMIT = 15e3 + 467.0 * (GEAR * SPEED - LOWEST)  # of the brake torque there [N m
 QUIET = Instant(
     order=8.0, ship_speed=8.0, shaft_speed=SPEED, rack=10.0, drive=10.0, drive_before=10.0,
     mean_torque=2e5, mean_brake_torque=2e4, attack=3.0, mean_attack=3.0, outside_bucket=0.0,
-    pitch_before=1.2, reference_fuel=0.0, heading_error=0.0, track_error=0.0, rudder_turn=0.0,
-    dt=0.05,
+    pitch_before=1.2, mean_speed=8.0, reference_fuel=0.0, reference_power=4e6,
+    heading_error=0.0, track_error=0.0, rudder_turn=0.0, dt=0.05,
 )  # fmt: skip
 """An instant in which every term but the fuel flow is 0."""
 
@@ -106,6 +106,16 @@ def test_fuel_excess_is_relative_to_the_reference_and_negative_below_it(
     found = terms_of(QUIET._replace(reference_fuel=0.25), share=0.5, fuel=fuel)
     assert found.get("fuel_excess", 0.0) == pytest.approx(0.5 * excess)
     assert found.get("fuel_kg_s", 0.0) == 0.5 * fuel
+
+
+@pytest.mark.parametrize("gain", [-0.1, 0.1])
+def test_way_that_is_gained_counts_as_fuel_saved(gain: float) -> None:
+    """Kinetic energy changes by m v (v - mean) / 20 s; the reference tows the ship at 4 MW."""
+    now = QUIET._replace(reference_fuel=0.25, mean_speed=8.0 - gain)
+    mass = float(load_ship("frigate").record()["mass"])
+    expected = -mass * (8.0 - gain) * gain / 20.0 / 4e6
+    assert abs(expected) > 0.02
+    assert terms_of(now, fuel=0.25)["fuel_excess"] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("mean", [1.8e5, 2.2e5])

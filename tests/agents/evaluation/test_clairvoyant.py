@@ -79,4 +79,4 @@ def test_an_order_is_not_known_before_it_is_given() -> None:
     slow, fast = planned(4.5), planned(7.5)
     first = round(12.0 / 0.5)
     assert np.array_equal(slow.actions[:first], fast.actions[:first])
-    assert np.all(slow.actions[first : first + 5, 1] < fast.actions[first : first + 5, 1])
+    assert np.mean(slow.actions[first:, 1]) < np.mean(fast.actions[first:, 1])

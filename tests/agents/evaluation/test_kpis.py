@@ -41,6 +41,9 @@ def made_up(k: int) -> dict[str, Any]:
             "near_limit": column((0.91, 1.0, 1.0), (0.89, 1.0, 1.0)),
             "overspeed": column((0.0, 0.0, 0.01), (0.02, 0.03, 0.9)),
             "cavitation": column((0.5, 0.5, 0.5), (0.0, 0.0, 0.9)),
+            "heading_error_deg": column((3.0, 4.0, 5.0), (1.0, 7.0, 90.0)),
+            "track_error_m": column((6.0, 8.0, 10.0), (2.0, 14.0, 90.0)),
+            "rudder_rate_deg_s": column((2.0, 0.0, 4.0), (1.0, 3.0, 9.0)),
         },
         "_ended": np.array([False, k > 0]),
     }  # fmt: skip
@@ -94,6 +97,9 @@ def test_a_whole_episode(rows: list[dict[str, float]]) -> None:
             "outside_bucket_s": 1.0,
             "pitch_travel_min": 0.15 / 1.5 * 60.0,
             "rise_s": 0.5,
+            "heading_error_rms_deg": math.sqrt((9.0 + 16.0 + 25.0) / 3.0),
+            "track_error_rms_m": math.sqrt((36.0 + 64.0 + 100.0) / 3.0),
+            "rudder_travel_deg_min": 0.5 * 6.0 / 1.5 * 60.0,
             "failed": 0.0,
             "reward": -4.5,
         }
@@ -127,6 +133,9 @@ def test_an_episode_that_ended_early_counts_no_further(rows: list[dict[str, floa
             "outside_bucket_s": 0.0,
             "pitch_travel_min": 0.1 / 1.0 * 60.0,
             "rise_s": 0.0,
+            "heading_error_rms_deg": 5.0,
+            "track_error_rms_m": 10.0,
+            "rudder_travel_deg_min": 0.5 * 4.0 / 1.0 * 60.0,
             "failed": 1.0,
             "reward": 0.0,
         }
