@@ -95,7 +95,7 @@ class AntiSpin(Controller):
         self, seen: Readings, memory: NDArray[Any]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pitch of the order, and the rack of the paper's law."""
-        table = np.column_stack(seen)
+        table = np.column_stack([np.asarray(column) for column in seen[: len(OBSERVED)]])
         memory["reading"] = np.where(np.abs(table) <= _BOUNDS, table, memory["reading"])
         now = Readings(*memory["reading"].T)
         wanted = self.curve.at(now.speed_order)

@@ -41,7 +41,7 @@ class Autopilot(ShapedHelmsman):
     name = "autopilot"
     source = "Taylor 2000, section 5.2"
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
-        "gain": (0.2, 5.0), "reset_lengths": (2.0, 100.0), "turn_deg": (2.0, 20.0),
+        "gain": (0.2, 5.0), "reset_lengths": (2.0, 100.0), "turn_deg": (2.0, 60.0),
     }  # fmt: skip
     aims = 1
 

@@ -31,6 +31,13 @@ OBSERVED = (
 """Signals of an observation, in order; units and bounds stand in ``plant/signals.py``."""
 
 
+PREVIEW_S = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+"""Times ahead for which a sensor at the bow tells the inflow of the waves [s]."""
+
+PREVIEW = tuple(f"wave_inflow_{ahead:.0f}_s" for ahead in PREVIEW_S)
+"""Signals that follow :data:`OBSERVED` in an observation of a task with a preview."""
+
+
 class Readings(NamedTuple):
     """An observation's columns by name, each of shape (n,)."""
 
@@ -42,22 +49,25 @@ class Readings(NamedTuple):
     ship_speed: NDArray[np.float64]  # [m/s]
     advance_velocity: NDArray[np.float64]  # estimated [m/s]
     estimate_valid: NDArray[np.float64]  # 1 or 0
+    wave_inflow: NDArray[np.float64] | None = None  # at PREVIEW_S ahead, shape (n, 7) [m/s]
 
 
 NORMALISED_BOUND = 3.0
 """Bound of every signal of a normalised observation; no ship in units lies within it in all signals."""
 
 
-def readings(observation: Any) -> Readings:
+def readings(observation: Any, preview: bool = False) -> Readings:
     """Return the columns :data:`OBSERVED` of an observation; further columns are ignored.
 
     Args:
         observation: in physical units, shape (k,) or (n, k) with k of at least 8.
+        preview: whether the columns :data:`PREVIEW` follow and are read too.
 
     Raises:
         ValueError: too few columns, or observations that are normalised.
     """
-    table = np.atleast_2d(np.asarray(observation, dtype=np.float64))[:, : len(OBSERVED)]
+    whole = np.atleast_2d(np.asarray(observation, dtype=np.float64))
+    table = whole[:, : len(OBSERVED)]
     if table.shape[1] < len(OBSERVED):
         raise ValueError(
             f"an observation of {table.shape[1]} signals: controllers need {', '.join(OBSERVED)}"
@@ -67,7 +77,10 @@ def readings(observation: Any) -> Readings:
             "the observation is normalised, and classic controllers need physical units: make the "
             "environment with **shaftline.envs.CLASSIC"
         )
-    return Readings(*table.T)
+    seen = Readings(*table.T)
+    if preview:
+        return seen._replace(wave_inflow=whole[:, len(OBSERVED) : len(OBSERVED) + len(PREVIEW)])
+    return seen
 
 
 def resumed(state: Any, fresh: NDArray[Any], episode_start: Any) -> NDArray[Any]:
@@ -125,6 +138,8 @@ class Controller(ABC):
     """The same with other options, by names of their own."""
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {}
     """Options that a search may set (:mod:`shaftline.agents.learning.tuning`), with their ranges."""
+    preview: bool = False
+    """Whether it reads the inflow of the waves ahead, which only some tasks tell."""
 
     def __init__(self, ship: str | Ship = "frigate", interval_s: float = 0.5) -> None:
         if not 0.0 < interval_s < math.inf:
@@ -182,7 +197,7 @@ class Controller(ABC):
             Action(s) in [-1, 1], shape (2,) or (n, 2): pitch command and fuel rack command, each over
             the ship's range; and the state to pass to the next call.
         """
-        seen = readings(observation)
+        seen = readings(observation, self.preview)
         memory = resumed(state, self.fresh(seen), episode_start)
         pitch, rack = (self.act if deterministic else self.explore)(seen, memory)
         table = actions(self.plant, pitch, rack)

@@ -52,7 +52,7 @@ class TrackKeeper(ShapedHelmsman):
     name = "track-keeper"
     source = "Taylor 2000, section 5.3"
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
-        "gain": (0.2, 5.0), "reset_lengths": (2.0, 100.0), "change_lengths": (5.0, 60.0),
+        "gain": (0.2, 5.0), "reset_lengths": (2.0, 100.0), "change_lengths": (1.0, 60.0),
     }  # fmt: skip
     aims = 4  # the line aimed at, where the change began, the order that it leads to, how far it is
 

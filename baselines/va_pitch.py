@@ -30,7 +30,7 @@ from ..observers.torque_curve import model_torque
 from ..plant.cavitation import effective_attack
 from ..plant.hull import wake_inflow
 from ..plant.ship import Ship
-from .controller import Readings
+from .controller import PREVIEW_S, Readings
 from .speed_pilot import SpeedPilot
 
 MEAN_S = 20.0
@@ -93,13 +93,28 @@ def place_all(
     ahead_s: float,
     interval_s: float,
     velocity: NDArray[np.float64],
+    change: NDArray[np.float64],
     shaft_speed: NDArray[np.float64],
     base: NDArray[np.float64],
     share: float,
     memory: NDArray[np.float64],
     pitch: NDArray[np.float64],
 ) -> None:
-    """Pitch for the advance velocity ahead, one ship after the other; memory and pitch are filled."""
+    """Pitch for the advance velocity ahead, one ship after the other; memory and pitch are filled.
+
+    Args:
+        plant: ship record.
+        cavitation: as of :func:`load_of`.
+        ahead_s: time by which the slope of the velocity carries it on [s].
+        interval_s: control interval [s].
+        velocity: now [m/s], shape (n,).
+        change: of the velocity until it counts that is known besides [m/s], shape (n,).
+        shaft_speed: [rad/s], shape (n,).
+        base: P/D of the pilot [-], shape (n,).
+        share: g [-].
+        memory: shape (n, 7), changed in place.
+        pitch: filled, shape (n,).
+    """
     keep, slow = np.exp(-interval_s / SLOPE_S), np.exp(-interval_s / MEAN_S)
     for i in range(len(velocity)):
         row = memory[i]
@@ -108,9 +123,15 @@ def place_all(
         row[VELOCITY] = velocity[i]
         now = load_of(plant, cavitation, velocity[i], shaft_speed[i], base[i])
         row[AIM] = slow * row[AIM] + (1.0 - slow) * now
-        ahead = velocity[i] + ahead_s * row[SLOPE]
+        ahead = velocity[i] + ahead_s * row[SLOPE] + change[i]
         wanted = pitch_of(plant, cavitation, ahead, shaft_speed[i], row[AIM])
         pitch[i] = base[i] + share * (wanted - base[i])
+
+
+def _at(wave_inflow: NDArray[np.float64], ahead_s: float) -> NDArray[np.float64]:
+    """Return the inflow [m/s] at a time ahead, shape (n,), between those of :data:`PREVIEW_S`."""
+    weights = [np.interp(ahead_s, PREVIEW_S, row) for row in np.eye(len(PREVIEW_S))]
+    return np.asarray(wave_inflow @ np.array(weights))
 
 
 class VaPitch(SpeedPilot):
@@ -122,6 +143,8 @@ class VaPitch(SpeedPilot):
         cavitation: hold the angle of attack instead of the torque.
         ahead_s: T_p [s].
         share: g [-], 0 to 1; by default 1, or 0.5 where the blades' rate is limited.
+        preview: take the inflow of the waves T_p ahead from a sensor at the bow, in place of the
+            estimate and its slope.
         settings: as of :class:`SpeedPilot`, whose gains on torque and shaft speed are 0 here by default.
 
     State: that of the pilot, and the columns :data:`VELOCITY`, :data:`SLOPE` and :data:`AIM`; shape
@@ -135,9 +158,11 @@ class VaPitch(SpeedPilot):
 
     name = "va-pitch"
     source = "shaftline's own"
-    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"va-pitch-silent": {"cavitation": True}}
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "va-pitch-silent": {"cavitation": True}, "va-pitch-preview": {"preview": True},
+    }  # fmt: skip
     tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
-        **SpeedPilot.tunable, "share": (0.0, 1.0), "ahead_s": (0.0, 1.5),
+        **SpeedPilot.tunable, "share": (0.0, 1.0), "ahead_s": (0.0, 2.0),
     }  # fmt: skip
 
     def __init__(
@@ -148,6 +173,7 @@ class VaPitch(SpeedPilot):
         cavitation: bool = False,
         ahead_s: float = 0.5,
         share: float | None = None,
+        preview: bool = False,
         **settings: float,
     ) -> None:
         calm = {"torque_gain": 0.0, "shaft_gain": 0.0, "pitch_gain": 0.0}
@@ -161,12 +187,18 @@ class VaPitch(SpeedPilot):
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"va-pitch: share = {share!r}: must be from 0 to 1")
         self.cavitation, self.ahead_s, self.share = bool(cavitation), ahead_s, share
+        self.preview = bool(preview)
         lag = self.ship.pitch_actuator.time_constant_s
         self._arrives = 1.0 - float(np.exp(-interval_s / lag))
 
     def velocity(self, seen: Readings) -> NDArray[np.float64]:
-        """The estimate [m/s] where it is valid, else what the wake leaves of the log's speed."""
+        """The estimate [m/s] where it is valid, else what the wake leaves of the log's speed.
+
+        With a preview: the latter, and the inflow of the waves.
+        """
         from_log = wake_inflow(self.plant, seen.ship_speed)
+        if seen.wave_inflow is not None:
+            return np.asarray(from_log + seen.wave_inflow[:, 0])
         valid = (seen.estimate_valid > 0.5) & np.isfinite(seen.advance_velocity)
         return np.where(valid, seen.advance_velocity, from_log)
 
@@ -182,9 +214,12 @@ class VaPitch(SpeedPilot):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The pilot's rack, and the pitch of the module's equations."""
         base, rack = super().act(seen, memory[:, :_OWN])
-        target = np.empty(len(base))
+        target, change, ahead_s = np.empty(len(base)), np.zeros(len(base)), self.ahead_s
+        if seen.wave_inflow is not None:
+            change = _at(seen.wave_inflow, ahead_s) - seen.wave_inflow[:, 0]
+            ahead_s = 0.0
         place_all(
-            self.plant, self.cavitation, self.ahead_s, self.interval_s, self.velocity(seen),
+            self.plant, self.cavitation, ahead_s, self.interval_s, self.velocity(seen), change,
             seen.shaft_speed, base, self.share, memory, target,
         )  # fmt: skip
         pitch = seen.pitch_ratio + (target - seen.pitch_ratio) / self._arrives

@@ -40,6 +40,12 @@ def tune(
     observer: Annotated[
         str, typer.Option(help="Observer whose estimate it sees.")
     ] = DEFAULTS.observer,
+    ship: Annotated[
+        str | None,
+        typer.Option(
+            help="Ship: a preset or a .toml file.", show_default="the one the task is made for"
+        ),
+    ] = None,
 ) -> None:
     """Search the constants of a classic controller for a task.
 
@@ -53,7 +59,7 @@ def tune(
         shaftline tune --controller combinator-trimmed --vary response_s=1:20 --task transit
     """
     with clear_errors():
-        get_task(task).sailed(None)
+        get_task(task).sailed(ship)
         get_observer(observer)
         ranges = dict(map(_range, vary)) if vary else None
         with needs_train("tuning"):
@@ -61,7 +67,7 @@ def tune(
         with stages("tuning") as tick:
             found = search(
                 controller, task, ranges=ranges, rounds=rounds, episodes=seeds,
-                episode_s=episode_s, seed=seed, observer=observer,
+                episode_s=episode_s, seed=seed, observer=observer, ship=ship,
                 tick=lambda done, total, said: tick(said, done, total),
             )  # fmt: skip
         numbers(found._asdict())
@@ -72,7 +78,7 @@ def tune(
         say("sail it on seas that it has not seen:")
         say(
             f"  shaftline evaluate --controller {found.controller} --controller {controller} "
-            f"--task {task}:held-out"
+            f"--task {task}:held-out" + (f" --ship {ship}" if ship else "")
         )
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..baselines.controller import NORMALISED_BOUND, OBSERVED
+from ..baselines.controller import NORMALISED_BOUND, OBSERVED, PREVIEW
 from ..baselines.governor import limiter_slope, tune
 from ..baselines.helmsman import STEERED
 from ..core.compiled import compiled
@@ -153,10 +153,9 @@ class Batch:
         self.steps = settings.steps(self.dt)
         self.interval_s = self.steps * self.dt
         self.seas_to_draw = seas_of(settings.sea, self.task)
-        check_randomise(self.ship, settings.randomise or {})
-        self._varied = [
-            (self.ship.number(key), width) for key, width in (settings.randomise or {}).items()
-        ]
+        randomise = self.task.randomise if settings.randomise is None else settings.randomise
+        check_randomise(self.ship, randomise)
+        self._varied = [(self.ship.number(key), width) for key, width in randomise.items()]
         self.command = settings.drive_command
         self.gains = np.zeros((3, 1))
         if self.command == "shaft-speed":
@@ -174,7 +173,7 @@ class Batch:
             controller = controller_for(
                 self.task, settings.base_controller, self.ship, self.interval_s, steered
             )
-            self.base = BaseController(controller, self.ship, n, steered)
+            self.base = BaseController(controller, self.ship, n, steered, self.task.preview)
         self._columns = np.array([_SIGNALS.index(name) for name in self.observed])
         top = float(self.table["ship_speed"].max())
         middle, half = observed_ranges(self.ship, top, self.observed)
@@ -186,6 +185,7 @@ class Batch:
         self.common["noise"] = noise_of(self.ship, settings.sensor_noise)
         self.common["goals"] = goals_record(self.task.goals)
         self.common["increments"] = settings.action_mode == "increment"
+        self.common["preview"] = self.task.preview
         self.common["second"] = _SECOND[self.command]
         self.common["limiter_slope"] = limiter_slope(self.ship.record(), LIMITER_RESPONSE_S)
 
@@ -213,7 +213,8 @@ class Batch:
         base = () if self.base is None else BASE_COMMANDS[: self.actions]
         if self.steered:
             return (*OBSERVED, *STEERED, *LEARNER_SIGNALS, *COURSE_ERRORS, second, *base)
-        return (*OBSERVED, *LEARNER_SIGNALS, second, *base)
+        ahead = PREVIEW if self.task.preview else ()
+        return (*OBSERVED, *ahead, *LEARNER_SIGNALS, second, *base)
 
     @property
     def actions(self) -> int:

@@ -16,17 +16,22 @@ from numpy.typing import NDArray
 from ..baselines.actions import decode
 from ..baselines.governor import govern, limited_rack
 from ..core.compiled import Record, compiled, spelled_out
-from ..observers.records import Measurement
-from ..observers.registry import update
 from ..plant.cavitation import effective_attack, outside_bucket
-from ..plant.drives.diesel import rack_torque
 from ..plant.rudder import rudder_angle
-from ..plant.state import STATE, Outputs, State, get_state
+from ..plant.state import STATE, get_state
 from ..plant.stepping import Disturbance, observe, step
-from ..plant.waves import inflow_ahead
-from .randomness import normal
-from .records import LIMITED_RACK, MAX_ORDERS, SHAFT_SPEED
+from .records import LIMITED_RACK, SHAFT_SPEED
 from .rewards import MEAN_S, Instant, add_terms, clear_terms, fuel_of_all, reward_of
+from .sensing import (
+    fill_learner_signals,
+    fill_truth,
+    measure,
+    order_at,
+    see_course,
+    see_waves,
+    shorter_way,
+    speed_order,
+)  # fmt: skip
 
 DRIFT_SWING = 0.5  # amplitude of the slow swing of the side force, over its mean
 
@@ -45,27 +50,9 @@ ENDINGS = (None, "stalled", "overspeed trip")
 
 
 @compiled
-def order_at(episode: Record, time: float) -> int:
-    """Which of an episode's orders holds at a time since reset [s]."""
-    return min(int(time / episode.order_interval), MAX_ORDERS - 1)
-
-
-@compiled
-def speed_order(episode: Record, time: float) -> float:
-    """Ordered ship speed [m/s] at a time since reset [s]."""
-    return float(episode.orders[order_at(episode, time)])
-
-
-@compiled
 def resistance_angle(episode: Any, time: Any) -> Any:
     """Angle [rad] of the slow swing of the resistance at a time since reset [s]; of one or of many."""
     return episode.resistance_frequency * time + episode.resistance_phase
-
-
-@compiled
-def shorter_way(angle: float) -> float:
-    """The same angle [rad] within half a turn to either side."""
-    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @compiled
@@ -86,130 +73,6 @@ def _swung(episode: Record, swing: complex) -> Disturbance:
 def disturbance(episode: Record, time: float) -> Disturbance:
     """Disturbance at a time since reset [s]: resistance and side force, means and a slow swing."""
     return _swung(episode, _unit_phasor(resistance_angle(episode, time)))
-
-
-@compiled
-def waves_ahead(
-    environments: Any, time: NDArray[np.float64], every_s: float, found: NDArray[np.float64]
-) -> None:
-    """Waves' inflow at the propellers [m/s] where the ships will be if they keep their speed.
-
-    Args:
-        environments: ENVIRONMENT array of shape (n,).
-        time: since reset [s], shape (n,).
-        every_s: between two entries of what is found.
-        found: filled, shape (n, k), the first entry with the present inflow.
-    """
-    for i in range(len(environments)):
-        now = get_state(environments[i].state)
-        inflow_ahead(environments[i].sea, time[i], now, every_s, found[i])
-
-
-@compiled
-def _measure(
-    env: Record,
-    noise: Record,
-    acceleration: float,
-    advance_velocity: float,
-    speed_log: float,
-    order: float,
-) -> None:
-    """Read the noisy instruments, update the observer, and fill the measured signals."""
-    memory, episode, seen = env.memory, env.episode, env.observation
-    speed = memory.shaft_speed + noise.shaft_speed * normal(episode)
-    torque = memory.shaft_torque + noise.shaft_torque * normal(episode)
-    pitch = memory.pitch_ratio + noise.pitch_ratio * normal(episode)
-    acceleration += noise.shaft_acceleration * normal(episode)
-    reading = Measurement(speed, torque, pitch, acceleration, advance_velocity)
-    episode.measured_shaft_speed = speed
-    velocity = update(env.observer, env.estimate, reading)
-    seen.speed_order = order
-    seen.shaft_speed = speed
-    seen.measured_shaft_torque = torque
-    seen.measured_pitch_ratio = pitch
-    seen.fuel_rack = memory.rack
-    seen.measured_ship_speed = speed_log + noise.ship_speed * normal(episode)
-    seen.estimated_advance_velocity = velocity
-    seen.estimate_valid = env.estimate.valid
-
-
-@compiled
-def _fill_learner_signals(env: Record, interval_s: float, fresh: bool) -> None:
-    """Fill the signals that an observation adds to the measured ones, at the end of an interval.
-
-    The means over 20 s are of measured or estimated quantities, one sample for each interval.
-
-    Args:
-        env: ENVIRONMENT record with the measured signals, changed in place.
-        interval_s: control interval [s].
-        fresh: whether the episode has just begun: then the means are the present values.
-    """
-    plant, episode, seen = env.plant, env.episode, env.observation
-    torque = float(seen.measured_shaft_torque)
-    engine_torque = rack_torque(
-        plant, plant.gear_ratio * float(seen.shaft_speed), float(seen.fuel_rack)
-    )
-    attack = effective_attack(
-        plant, float(seen.estimated_advance_velocity), float(seen.shaft_speed),
-        float(seen.measured_pitch_ratio),
-    )  # fmt: skip
-    if fresh:
-        episode.measured_mean_torque = torque
-        episode.estimated_mean_brake_torque = engine_torque
-        episode.estimated_mean_attack = attack
-    fading = min(interval_s / MEAN_S, 1.0)
-    episode.measured_mean_torque += fading * (torque - episode.measured_mean_torque)
-    episode.estimated_mean_brake_torque += fading * (
-        engine_torque - episode.estimated_mean_brake_torque
-    )
-    episode.estimated_mean_attack += fading * (attack - episode.estimated_mean_attack)
-    seen.speed_error = seen.speed_order - seen.measured_ship_speed
-    seen.pitch_command = episode.pitch_command
-    seen.shaft_torque_deviation = torque - episode.measured_mean_torque
-    seen.engine_torque_deviation = engine_torque - episode.estimated_mean_brake_torque
-    seen.estimated_angle_of_attack = attack
-    seen.angle_of_attack_deviation = attack - episode.estimated_mean_attack
-    seen.heading_error = shorter_way(float(seen.heading_order) - float(seen.heading))
-    seen.track_error = seen.cross_track_order - seen.cross_track
-    seen.shaft_speed_command = episode.shaft_speed_command
-    seen.fuel_rack_command = episode.rack_command
-
-
-@compiled
-def _fill_truth(
-    env: Record, before: State, outputs: Outputs, attack: float, outside: float, fuel: float,
-    laid: float,
-) -> None:  # fmt: skip
-    """Fill the truth of a plant step: its state before and its outputs."""
-    truth, state = env.truth, env.state
-    truth.advance_velocity = outputs.advance_velocity
-    truth.thrust = outputs.thrust
-    truth.fuel_flow = fuel
-    truth.ventilation = state.ventilation
-    truth.ship_speed = before.ship_speed
-    truth.shaft_speed = before.shaft_speed
-    truth.shaft_torque = outputs.shaft_torque
-    truth.brake_torque = outputs.brake_torque
-    truth.position = state.position
-    truth.blade_pitch = outputs.pitch_ratio
-    truth.angle_of_attack = attack
-    truth.outside_bucket = outside
-    truth.heading = before.heading
-    truth.cross_track = before.cross_track
-    truth.rudder_angle = laid
-
-
-@compiled
-def _see_course(env: Record, noise: Record, now: State, laid: float, time: float) -> None:
-    """Fill what a helmsman sees of a ship that turns, at a state with the rudder laid to an angle."""
-    episode, seen = env.episode, env.observation
-    index = order_at(episode, time)
-    seen.heading_order = episode.heading_orders[index]
-    seen.heading = now.heading + noise.heading * normal(episode)
-    seen.yaw_rate = now.yaw_rate + noise.yaw_rate * normal(episode)
-    seen.rudder_angle = laid + noise.rudder_angle * normal(episode)
-    seen.cross_track_order = episode.track_orders[index]
-    seen.cross_track = now.cross_track + noise.cross_track * normal(episode)
 
 
 @compiled
@@ -235,14 +98,16 @@ def first_observation(
         episode.mean_attack = attack
         fuel = fuel_of_all(env.plant, state.shaft_speed, outputs.brake_torque)
         clear_terms(env.terms)
-        _fill_truth(env, get_state(state), outputs, attack, outside, fuel, 0.0)
-        _measure(
+        fill_truth(env, get_state(state), outputs, attack, outside, fuel, 0.0)
+        measure(
             env, common.noise, outputs.shaft_acceleration,
             outputs.advance_velocity, env.memory.speed_log, speed_order(episode, 0.0),
         )  # fmt: skip
         if env.plant.turns != 0:
-            _see_course(env, common.noise, get_state(state), 0.0, 0.0)
-        _fill_learner_signals(env, interval_s, True)
+            see_course(env, common.noise, get_state(state), 0.0, 0.0)
+        if common.preview != 0:
+            see_waves(env, common.noise, 0.0)
+        fill_learner_signals(env, interval_s, True)
 
 
 @compiled
@@ -408,14 +273,16 @@ def control_interval(
             )  # fmt: skip
             add_terms(terms, plant, outputs, now, share, fuel)
             episode.drive = drive
-            _fill_truth(env, before, outputs, attack, outside, fuel, laid_before)
-            _measure(
+            fill_truth(env, before, outputs, attack, outside, fuel, laid_before)
+            measure(
                 env, common.noise, outputs.shaft_acceleration, outputs.advance_velocity,
                 log, order,
             )  # fmt: skip
             if plant.turns != 0:
-                _see_course(env, common.noise, before, laid_before, time)
-        _fill_learner_signals(env, interval_s, False)
+                see_course(env, common.noise, before, laid_before, time)
+        if common.preview != 0:
+            see_waves(env, common.noise, (episode.elapsed + 1) * interval_s)
+        fill_learner_signals(env, interval_s, False)
         env.ended = _why_ended(plant, state.shaft_speed)
         env.reward = reward_of(common.goals, terms) if env.ended == RUNNING else 0.0
         episode.elapsed += 1

@@ -8,9 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..baselines.controller import PREVIEW
 from ..plant import Ship
 
 _SPEED_ERROR_M_S = 2.0
+_WAVE_INFLOW_M_S = 2.0
 _SWING = 0.2  # torque deviation as share of the highest torque
 _HEADING_ERROR = math.radians(30.0)
 _ATTACK_DEG, _ATTACK_SWING_DEG = 10.0, 4.0
@@ -45,6 +47,7 @@ def observed_ranges(ship: Ship, top: float, observed: Sequence[str]) -> NDArray[
         "yaw_rate": (-top / length, top / length), "rudder_angle": (-stop, stop),
         "cross_track_order": (-length, length), "cross_track": (-length, length),
     }  # fmt: skip
+    ends |= dict.fromkeys(PREVIEW, (-_WAVE_INFLOW_M_S, _WAVE_INFLOW_M_S))
     swing, engine_swing = _SWING * torque * float(plant["gear_ratio"]), _SWING * torque
     ends |= {
         "speed_error": (-_SPEED_ERROR_M_S, _SPEED_ERROR_M_S),

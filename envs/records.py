@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..baselines.controller import OBSERVED
+from ..baselines.controller import OBSERVED, PREVIEW
 from ..baselines.helmsman import STEERED
 from ..observers.records import ESTIMATE, OBSERVER
 from ..plant.memory import MEMORY
@@ -52,9 +52,10 @@ EPISODE = np.dtype(
 NOISE = np.dtype(
     [("shaft_speed", np.float64), ("shaft_torque", np.float64), ("pitch_ratio", np.float64),
      ("shaft_acceleration", np.float64), ("ship_speed", np.float64), ("heading", np.float64),
-     ("yaw_rate", np.float64), ("rudder_angle", np.float64), ("cross_track", np.float64)]
+     ("yaw_rate", np.float64), ("rudder_angle", np.float64), ("cross_track", np.float64),
+     ("wave_inflow", np.float64)]
 )  # fmt: skip
-"""Rms noise of each instrument per sample [rad/s, N m, -, rad/s2, m/s, rad, rad/s, rad, m]."""
+"""Rms noise of each instrument per sample [rad/s, N m, -, rad/s2, m/s, rad, rad/s, rad, m, m/s]."""
 
 LEARNER_SIGNALS = (
     "speed_error",
@@ -73,7 +74,7 @@ SHAFT_SPEED_COMMAND, RACK_COMMAND = "shaft_speed_command", "fuel_rack_command"
 BASE_COMMANDS = ("base_pitch_ratio", "base_fuel_rack", "base_rudder_angle")
 
 _EVERY_SIGNAL = (
-    *OBSERVED, *STEERED, *LEARNER_SIGNALS, *COURSE_ERRORS, SHAFT_SPEED_COMMAND, RACK_COMMAND,
+    *OBSERVED, *STEERED, *PREVIEW, *LEARNER_SIGNALS, *COURSE_ERRORS, SHAFT_SPEED_COMMAND, RACK_COMMAND,
     *BASE_COMMANDS,
 )  # fmt: skip
 
@@ -129,6 +130,7 @@ COMMON = np.dtype(
         ("goals", GOALS),
         ("increments", np.int64),  # 1 where actions are rates of change of the commands
         ("second", np.int64),  # DIRECT_RACK, LIMITED_RACK or SHAFT_SPEED
+        ("preview", np.int64),  # 1 where a sensor at the bow tells the inflow of the waves ahead
         ("limiter_slope", np.float64),  # of the limited rack over shaft speed [mm s/rad]
     ],
     align=True,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..baselines.controller import OBSERVED, Predictor
+from ..baselines.controller import OBSERVED, PREVIEW, Predictor
 from ..baselines.steering import OBSERVED_STEERED
 from ..plant import Ship
 from .records import BASE_COMMANDS, OBSERVATION
@@ -35,11 +35,15 @@ class BaseController:
         ship: of the batch.
         n: environments.
         steered: whether the rudder is an action.
+        preview: whether the signals :data:`PREVIEW` are told.
     """
 
-    def __init__(self, controller: Predictor, ship: Ship, n: int, steered: bool) -> None:
+    def __init__(
+        self, controller: Predictor, ship: Ship, n: int, steered: bool, preview: bool = False
+    ) -> None:
         self._controller = controller
-        self._inputs = len(OBSERVED_STEERED if steered else OBSERVED)
+        names = OBSERVED_STEERED if steered else (*OBSERVED, *(PREVIEW if preview else ()))
+        self._inputs = np.array([_NAMES.index(name) for name in names])
         self._memory: Any = None
         self._action = np.zeros((n, 3 if steered else 2), np.float32)
         plant = ship.record()
@@ -55,7 +59,7 @@ class BaseController:
             signals: of all environments, shape (n, k); the base commands are written into it.
             which: environments that begin, shape (m,).
         """
-        seen = signals[which, : self._inputs]
+        seen = signals[which[:, None], self._inputs]
         self._action[which], memory = self._controller.predict(
             seen, None, np.ones(len(which), dtype=bool)
         )
@@ -67,7 +71,7 @@ class BaseController:
 
     def follow(self, signals: NDArray[np.float32]) -> None:
         """Compute the base commands of all environments after a control interval."""
-        seen = signals[:, : self._inputs].copy()
+        seen = signals[:, self._inputs]
         self._action[:], self._memory = self._controller.predict(
             seen, self._memory, np.zeros(len(seen), dtype=bool)
         )

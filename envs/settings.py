@@ -251,6 +251,8 @@ def noise_of(ship: Ship, choice: float | Mapping[str, float]) -> Any:
     record["yaw_rate"] = math.radians(0.02)
     record["rudder_angle"] = math.radians(0.1)
     record["cross_track"] = 5e-2
+    # inflow of the waves that are measured at the bow (assumed)
+    record["wave_inflow"] = 0.05
     for name in names:
         record[name] *= choice
     return record

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from ..baselines.controller import Predictor
-from ..baselines.registry import make_controller, make_steering
+from ..baselines.registry import ControllerError, make_controller, make_steering
 from ..core.models import FileModel, explained
 from ..plant import Ship, load_ship
 from .rewards import Goals
@@ -93,6 +93,13 @@ class Task(FileModel):
     track_order_m: Range = Field((0.0, 0.0), description="range of the ordered cross tracks")
     cross_current_m_s: Range = Field((0.0, 0.0), description="range of the current across")
     drift_force_kN: Range = Field((0.0, 0.0), description="range of the slow side force's mean")
+    preview: bool = Field(
+        False, description="a sensor at the bow tells the inflow of the waves to come"
+    )
+    randomise: dict[str, float] = Field(
+        default_factory=dict,
+        description="half width of a uniform factor by key of the ship's file, drawn each episode",
+    )
     goals: Goals
     ship: dict[str, Any] = Field(default_factory=dict, description="keys of the ship's file")
     held_out: HeldOut | None = None
@@ -154,7 +161,12 @@ def controller_for(
         ControllerError: unknown name or option.
     """
     if not steered:
-        return make_controller(text, ship, interval_s)
+        made = make_controller(text, ship, interval_s)
+        if getattr(made, "preview", False) and not task.preview:
+            raise ControllerError(
+                f"{text!r}: it reads the waves ahead, which this task does not tell"
+            )
+        return made
     return make_steering(text if "+" in text else f"{task.helmsman}+{text}", ship, interval_s)
 
 

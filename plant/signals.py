@@ -99,6 +99,12 @@ CONTROL_SIGNALS = (
            "estimated_advance_velocity_m_s", "the observer's estimate of the advance velocity"),
     Signal("estimate_valid", "-", "-", 0, 1, "observer", "estimate_valid",
            "1 where the observer vouches for its estimate"),
+    *(
+        Signal(f"wave_inflow_{ahead}_s", f"u_{ahead}", "m/s", -40, 40, "sensor",
+               f"wave_inflow_{ahead}_s_m_s",
+               f"inflow of the waves at the propellers {ahead} s from now, by a sensor at the bow")
+        for ahead in range(7)
+    ),
     Signal("speed_error", "e", "m/s", -80, 80, "sensor", "speed_error_m_s",
            "ordered ship speed less the reading of the speed log"),
     Signal("shaft_torque_deviation", "dM_m", "N m", -1e8, 1e8, "sensor",

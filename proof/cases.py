@@ -97,7 +97,14 @@ def case_kind(seed: int, index: int) -> tuple[str, int]:
     return kind, block * BLOCK.count(kind) + shuffled[:place].count(kind)
 
 
-def _conceal(effect: TrueEffect, ratio: float, rng: Generator) -> Concealed:
+def conceal(effect: TrueEffect, ratio: float, rng: Generator) -> Concealed:
+    """Draw sign and shape of an effect.
+
+    Args:
+        effect: of the table.
+        ratio: strength that it shall have.
+        rng: generator, which advances.
+    """
     shape = {name: float(rng.uniform(*limits)) for name, limits in effect.shape.items()}
     sign = -1.0 if effect.signs and rng.random() < 0.5 else 1.0
     return Concealed(effect.key, ratio, sign, shape)
@@ -183,7 +190,7 @@ def _plain(seed: int, index: int) -> Case:
         strengths = ("medium", "strong")
     strength = _turn(seed, f"strength {kind}", strengths, number) if effects else "none"
     concealed = tuple(
-        _conceal(effect, float(rng.uniform(*STRENGTHS[strength])), rng) for effect in effects
+        conceal(effect, float(rng.uniform(*STRENGTHS[strength])), rng) for effect in effects
     )
     airy = any(effect.waves for effect in effects)
     wavy = kind == "null-waves" or airy or (kind != "null-calm" and rng.random() < 0.5)

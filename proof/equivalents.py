@@ -201,6 +201,16 @@ _FORMS: dict[str, tuple[tuple[str, ...], Form]] = {
 }  # fmt: skip
 
 
+def comparable(effect: TrueEffect) -> bool:
+    """Return whether an effect has a parameter in common with the catalogue's form."""
+    return effect.key in _FORMS
+
+
+def names_of(effect: TrueEffect) -> tuple[str, ...]:
+    """Return the names that a report may give to the common parameter of a :func:`comparable` effect."""
+    return _FORMS[effect.key][0]
+
+
 def equivalent(effect: TrueEffect, numbers: Numbers, readings: pd.DataFrame) -> Any:
     """The comparable parameter of a catalogue's form.
 
@@ -214,7 +224,7 @@ def equivalent(effect: TrueEffect, numbers: Numbers, readings: pd.DataFrame) -> 
         first that of the ship file's key, and the value at which the effect is absent; None where the
         forms have no parameter in common.
     """
-    if effect.key not in _FORMS or numbers[effect.size] == NEUTRAL[effect.size]:
+    if not comparable(effect) or numbers[effect.size] == NEUTRAL[effect.size]:
         return None
     names, form = _FORMS[effect.key]
     neutral = {

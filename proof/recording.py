@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -62,6 +63,25 @@ def make(case: Case) -> Reality:
         if all(strength >= LEAST for strength in found.beyond.values()):
             break
     return _recorded(found)
+
+
+def make_sized(case: Case, sizes: Mapping[str, float]) -> Reality:
+    """Simulate a case whose effects have given sizes, whatever strength that is.
+
+    Args:
+        case: as drawn.
+        sizes: by key of the effect, positive, in the unit of its number.
+
+    Raises:
+        StalledError: the engine stops.
+    """
+    scenario = Scenario(case)
+    numbers = scenario.true
+    for one in case.effects:
+        numbers = with_effect(numbers, one, sizes[one.key])
+    signed = {one.key: one.sign * sizes[one.key] for one in case.effects}
+    sailed = scenario.sail(numbers, waves=True)
+    return _recorded(_Found(scenario, sailed, numbers, signed, {}, {}, {}))
 
 
 def _conceal(scenario: Scenario) -> _Found:

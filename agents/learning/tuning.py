@@ -80,6 +80,7 @@ def tune(
     episode_s: float = EPISODE_S,
     seed: int = 0,
     observer: str = DEFAULTS.observer,
+    ship: str | None = None,
     threads: int | None = None,
     tick: Callable[[int, int, str], None] = lambda done, total, said: None,
 ) -> Tuned:
@@ -95,6 +96,7 @@ def tune(
         episode_s: their length [s].
         seed: of the search, and of its episodes.
         observer: name.
+        ship: preset or path; the one that the task is made for by default.
         threads: that step the episodes; the machine's cores by default.
         tick: called after each round with its number, their sum, and the best reward so far in words.
 
@@ -112,14 +114,14 @@ def tune(
             raise ValueError(f"range of {key}: {low!r} to {high!r} is none")
     if min(rounds, episodes) < 1:
         raise ValueError("rounds and episodes must be 1 or more")
-    ship = model.sailed()
+    sailed = model.sailed(ship)
     first = FIRST_SEED + 2 * seed * episodes
 
     def sail(text: str, seeds_from: int) -> float:
         setting = Setting(
-            text, task, "task", observer, episodes, episode_s=episode_s, first_seed=seeds_from
+            text, task, "task", observer, episodes, ship, episode_s, first_seed=seeds_from
         )
-        made = controller_for(model, text, ship, DEFAULTS.control_interval_s, model.steered)
+        made = controller_for(model, text, sailed, DEFAULTS.control_interval_s, model.steered)
         kpis, _ = run_episodes(setting, made, threads=threads)
         return float(kpis["reward"].mean())
 

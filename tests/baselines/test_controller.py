@@ -38,15 +38,15 @@ ROW = [8.0, 9.0, 1e5, 1.2, 15.0, 7.0, 6.6, 1.0]
 def test_readings_have_their_names() -> None:
     assert Readings._fields == (
         "speed_order", "shaft_speed", "shaft_torque", "pitch_ratio", "fuel_rack", "ship_speed",
-        "advance_velocity", "estimate_valid",
+        "advance_velocity", "estimate_valid", "wave_inflow",
     )  # fmt: skip
     assert OBSERVED == (
         "speed_order", "shaft_speed", "measured_shaft_torque", "measured_pitch_ratio", "fuel_rack",
         "measured_ship_speed", "estimated_advance_velocity", "estimate_valid",
     )  # fmt: skip
     seen = readings([ROW, ROW])
-    assert [column.tolist() for column in seen] == [[x, x] for x in ROW]
-    assert all(column.shape == (1,) for column in readings(np.array(ROW, np.float32)))
+    assert [column.tolist() for column in seen[:8]] == [[x, x] for x in ROW]
+    assert all(column.shape == (1,) for column in readings(np.array(ROW, np.float32))[:8])
     assert readings(np.array(ROW, np.float32)).shaft_torque.dtype == np.float64
 
 

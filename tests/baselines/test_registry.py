@@ -33,6 +33,7 @@ NAMES = [
     "speed-pilot",
     "va-pitch",
     "va-pitch-silent",
+    "va-pitch-preview",
 ]
 
 

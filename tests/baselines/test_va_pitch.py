@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from shaftline.baselines.controller import readings
-from shaftline.baselines.registry import make_controller
+from shaftline.baselines.registry import ControllerError, make_controller
 from shaftline.baselines.va_pitch import AIM, VaPitch, load_of, pitch_of
-from shaftline.envs import CLASSIC, FrigateVectorEnv
+from shaftline.envs import CLASSIC, FrigateVectorEnv, get_task
+from shaftline.envs.tasks import controller_for
 from shaftline.plant import load_ship
+from shaftline.plant.hull import wake_inflow
 
 SHIP = load_ship("frigate")
 
@@ -107,3 +109,31 @@ def swing(name: str, observer: str) -> float:
 
 def test_knowing_the_advance_velocity_calms_the_shaft() -> None:
     assert swing("va-pitch", "oracle") < 0.75 * swing("va-pitch", "none")
+
+
+def ahead(inflow: list[float]) -> Any:
+    """Return an observation whose estimate is nonsense, with the inflow of the waves behind it."""
+    return np.hstack([seen(velocity=3.0), [inflow]])
+
+
+def test_with_a_preview_the_inflow_that_is_to_come_counts() -> None:
+    """1.5 s ahead the inflow is -0.3 m/s, on top of what the wake leaves of 8 m/s."""
+    law = make_controller("va-pitch-preview:ahead_s=1.5", SHIP, 0.5)
+    calm = readings(ahead([0.0] * 7), preview=True)
+    memory = law.fresh(calm)
+    aim = float(memory[0, AIM])
+    velocity = wake_inflow(SHIP.record(), 8.0)
+    base = pitch_of(SHIP.record(), False, velocity, 9.6, aim)
+    pitch, _ = law.act(readings(ahead([0.0, -0.2, -0.4, 0.0, 0.0, 0.0, 0.0]), preview=True), memory)
+    target = pitch_of(SHIP.record(), False, velocity - 0.3, 9.6, float(memory[0, AIM]))
+    arrived = pitch[0] + (1.3 - pitch[0]) * math.exp(-0.5 / 2.0)
+    assert arrived == pytest.approx(target, abs=1e-9)
+    assert target < base - 0.01
+
+
+def test_a_task_without_a_preview_refuses_a_law_that_needs_it() -> None:
+    task = get_task("rough-sea")
+    with pytest.raises(ControllerError, match="'va-pitch-preview': it reads the waves ahead"):
+        controller_for(task, "va-pitch-preview", task.sailed(), 0.5, False)
+    task = get_task("wave-preview")
+    assert controller_for(task, "va-pitch-preview", task.sailed(), 0.5, False)

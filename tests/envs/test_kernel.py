@@ -17,9 +17,9 @@ from shaftline.envs.kernel import (
     _gains_at,
     _why_ended,
     disturbance,
-    speed_order,
 )
 from shaftline.envs.records import EPISODE
+from shaftline.envs.sensing import speed_order
 from shaftline.observers import get_observer, update
 from shaftline.observers.records import ESTIMATE, Measurement
 from shaftline.plant import load_ship

@@ -165,7 +165,7 @@ def test_usual_instruments_follow_the_ships_full_scale() -> None:
         "shaft_speed": 1e-3 * 1000.0 * math.pi / 30.0 / 7.38, "shaft_torque": 5e-3 * 38e3 * 7.38,
         "pitch_ratio": 4e-3, "shaft_acceleration": 2e-2, "ship_speed": 5e-2,
         "heading": math.radians(0.1), "yaw_rate": math.radians(0.02),
-        "rudder_angle": math.radians(0.1), "cross_track": 5e-2,
+        "rudder_angle": math.radians(0.1), "cross_track": 5e-2, "wave_inflow": 5e-2,
     }  # fmt: skip
     for share in (1.0, 0.5, 0.0):
         record = noise_of(frigate, share)
@@ -180,7 +180,7 @@ def test_usual_instruments_follow_the_ships_full_scale() -> None:
 
 def test_rms_by_instrument_leaves_the_others_perfect() -> None:
     record = noise_of(load_ship("frigate"), {"ship_speed": 0.2, "pitch_ratio": 0.0})
-    assert record.tolist() == (0.0, 0.0, 0.0, 0.0, 0.2, *4 * (0.0,))
+    assert record.tolist() == (0.0, 0.0, 0.0, 0.0, 0.2, *5 * (0.0,))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,8 @@ from shaftline.baselines import make_steering
 from shaftline.baselines.steering import OBSERVED_STEERED
 from shaftline.envs import CLASSIC, FrigateEnv, SteeringEnv, SteeringVectorEnv
 from shaftline.envs.batch import DRIFT_ARM, pushed
-from shaftline.envs.kernel import DRIFT_SWING, shorter_way
+from shaftline.envs.kernel import DRIFT_SWING
+from shaftline.envs.sensing import shorter_way
 from shaftline.envs.tasks import get_task, tasks
 from shaftline.plant import approach, load_ship, nomoto
 from shaftline.plant.manoeuvring_standards import criteria, trials
