@@ -173,13 +173,13 @@ def clear_errors() -> Iterator[None]:
 
 
 @contextmanager
-def needs_train(what: str) -> Iterator[None]:
-    """Say how to install what is missing; ``what`` needs the extra ``train``."""
+def needs(extra: str, what: str) -> Iterator[None]:
+    """Say how to install what is missing; ``what`` needs an extra of the package."""
     try:
         yield
     except ModuleNotFoundError as error:
         raise ValueError(
-            f"{what} needs {error.name}, which is not installed: pip install 'shaftline[train]'"
+            f"{what} needs {error.name}, which is not installed: pip install 'shaftline[{extra}]'"
         ) from None
 
 

@@ -12,7 +12,7 @@ from ..agents import load_policy
 from ..core.files import read_json
 from ..envs import DEFAULTS, get_task
 from ..observers import get_observer
-from .console import check_folder, clear_errors, needs_train, print_table, say, stages
+from .console import check_folder, clear_errors, needs, print_table, say, stages
 from .training_options import (
     Algorithm,
     Device,
@@ -123,7 +123,7 @@ def train(
 
 def _learning() -> tuple[Any, Any]:
     """What needs the extra: ``read_recipe`` and the module that trains."""
-    with needs_train("training"):
+    with needs("train", "training"):
         from ..agents.learning import training
         from ..agents.learning.recipe import read_recipe
     return read_recipe, training

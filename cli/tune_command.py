@@ -10,7 +10,7 @@ from ..baselines import controller_names
 from ..envs import DEFAULTS, get_task, tasks
 from ..envs.settings import EPISODE_S, LONGEST_S
 from ..observers import get_observer
-from .console import MOST_SEEDS, clear_errors, needs_train, say, stages
+from .console import MOST_SEEDS, clear_errors, needs, say, stages
 from .machine import numbers
 
 
@@ -62,7 +62,7 @@ def tune(
         get_task(task).sailed(ship)
         get_observer(observer)
         ranges = dict(map(_range, vary)) if vary else None
-        with needs_train("tuning"):
+        with needs("train", "tuning"):
             from ..agents.learning.tuning import tune as search
         with stages("tuning") as tick:
             found = search(

@@ -11,7 +11,7 @@ import typer
 
 from .. import display
 from ..envs import get_task
-from .console import check_folder, clear_errors, needs_train, print_table, say, stages
+from .console import check_folder, clear_errors, needs, print_table, say, stages
 from .training_options import (
     Algorithm,
     Device,
@@ -85,7 +85,7 @@ def tune_recipe(
     """
     with clear_errors():
         get_task(task).sailed(ship)
-        with needs_train("a search"):
+        with needs("train", "a search"):
             from ..agents.learning.recipe import read_recipe
             from ..agents.learning.recipe_search import search_recipe
         plan = read_recipe(algorithm, task, recipe, **sizes(timesteps, envs))

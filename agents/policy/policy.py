@@ -224,10 +224,14 @@ class Policy:
         write_archive(Path(path), {"about": text, **layers})
 
 
+def trained_folder() -> Path:
+    """Return the folder of the policies that come with the package."""
+    return Path(str(resources.files("shaftline.agents.policy").joinpath("trained")))
+
+
 def trained() -> dict[str, Path]:
     """Return the policies that come with the package, by name."""
-    folder = Path(str(resources.files("shaftline.agents.policy").joinpath("trained")))
-    return {path.stem: path for path in sorted(folder.glob("*.npz"))}
+    return {path.stem: path for path in sorted(trained_folder().glob("*.npz"))}
 
 
 def load_policy(source: str | Path, ship: Ship | None = None) -> Policy:

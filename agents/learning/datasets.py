@@ -1,0 +1,140 @@
+"""Data sets of recorded episodes for offline learning, in Minari's format.
+
+Needs ``pip install 'shaftline[datasets]'``. The qualities are of the kind that the field compares (Fu
+et al. 2020, D4RL): what the packaged policy of a task does, the same with half of its actions random,
+and random actions alone.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ...core.sizes import check_size
+from ...envs import DEFAULTS, FrigateVectorEnv, SteeringVectorEnv, get_task
+from ..policy.policy import Policy, PolicyError, load_policy, trained
+
+QUALITIES = ("expert", "medium", "random")
+RANDOM_SHARE = {"expert": 0.0, "medium": 0.5, "random": 1.0}
+"""Share of the actions that are drawn uniformly."""
+
+FIRST_SEED = 1_000_000
+"""Of the recorded episodes; apart from those of training and judging."""
+
+_BYTES_A_STEP = 2000.0
+
+
+def record(
+    task: str,
+    quality: str,
+    episodes: int,
+    folder: str | Path,
+    *,
+    policy: Policy | None = None,
+    seed: int = 0,
+    tick: Callable[[int, int], None] = lambda done, total: None,
+) -> str:
+    """Record episodes of a task as a Minari data set, and return its id.
+
+    Args:
+        task: name.
+        quality: one of :data:`QUALITIES`.
+        episodes: number of episodes.
+        folder: that holds the data sets, Minari's ``MINARI_DATASETS_PATH``.
+        policy: whose actions are recorded; the packaged one of the task by default.
+        seed: of the episodes and of the random actions.
+        tick: called with the episodes done and all.
+
+    Raises:
+        ValueError: an unknown quality, no episode, or a data set of that name that is there already.
+        PolicyError: no policy comes with the package for the task, or one of another task is given.
+    """
+    if quality not in QUALITIES:
+        raise ValueError(f"unknown quality {quality!r}; known: {', '.join(QUALITIES)}")
+    if episodes < 1:
+        raise ValueError(f"episodes = {episodes}: must be 1 or more")
+    check_size(episodes * (DEFAULTS.max_episode_steps or 1), _BYTES_A_STEP, "recorded intervals")
+    if policy is None:
+        if task not in trained():
+            raise PolicyError(f"no policy comes with the package for {task!r}; give one")
+        policy = load_policy(task)
+    if (own := policy.about["recipe"]["task"]) != task:
+        raise PolicyError(f"the policy was trained for {own!r}, the data set is of {task!r}")
+    name = f"shaftline/{task}/{quality}-v0"
+    place = Path(folder)
+    if (place / name).exists():
+        raise ValueError(f"{place / name} is there already: remove it, or choose another folder")
+    place.mkdir(parents=True, exist_ok=True)
+    os.environ["MINARI_DATASETS_PATH"] = str(place.resolve())
+    import minari  # reads the environment variable
+
+    recorded = _sailed(
+        policy, RANDOM_SHARE[quality], episodes, FIRST_SEED + seed * episodes, seed, tick
+    )
+    kind = "Steering" if get_task(task).steered else "Frigate"
+    env = gymnasium.make(
+        f"shaftline/{kind}-v0", task=task, ship=policy.about["ship_source"], **policy.interface
+    )
+    buffers = [minari.data_collector.EpisodeBuffer(id=k, **one) for k, one in enumerate(recorded)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # it asks for an address and a link
+        minari.create_dataset_from_buffers(
+            name,
+            buffers,
+            env=env,
+            eval_env=env,
+            algorithm_name=f"packaged policy, {100 * RANDOM_SHARE[quality]:.0f} % of its actions random",
+            author={"shaftline"},
+            description=get_task(task).description,
+            requirements=["shaftline"],
+        )
+    env.close()
+    return name
+
+
+def _sailed(
+    policy: Policy, random_share: float, episodes: int, first_seed: int, seed: int, tick: Any
+) -> list[dict[str, Any]]:
+    """Return the episodes as keywords of Minari's ``EpisodeBuffer``."""
+    task = policy.about["recipe"]["task"]
+    kind = SteeringVectorEnv if get_task(task).steered else FrigateVectorEnv
+    env: FrigateVectorEnv | SteeringVectorEnv = kind(
+        episodes, task=task, ship=policy.about["ship_source"], autoreset_mode="NextStep",
+        **policy.interface,
+    )  # fmt: skip
+    rng = np.random.default_rng(seed)
+    seen, _ = env.reset(seed=first_seed)
+    observations, actions, rewards, ends = [seen], [], [], []
+    alive, lengths = np.ones(episodes, dtype=bool), np.zeros(episodes, dtype=int)
+    state, starting = None, alive
+    while alive.any():
+        action, state = policy.predict(seen, state, starting)
+        drawn = rng.random(episodes) < random_share
+        action[drawn] = rng.uniform(-1.0, 1.0, action[drawn].shape)
+        seen, reward, terminated, truncated, _ = env.step(action)
+        lengths += alive
+        starting = terminated | truncated
+        alive = alive & ~starting
+        observations.append(seen)
+        actions.append(action)
+        rewards.append(reward)
+        ends.append((terminated, truncated))
+        tick(int(episodes - alive.sum()), episodes)
+    env.close()
+    return [
+        {
+            "seed": first_seed + k,
+            "observations": np.array([row[k] for row in observations[: n + 1]]),
+            "actions": np.array([row[k] for row in actions[:n]]),
+            "rewards": [float(row[k]) for row in rewards[:n]],
+            "terminations": [bool(row[0][k]) for row in ends[:n]],
+            "truncations": [bool(row[1][k]) for row in ends[:n]],
+        }
+        for k, n in enumerate(lengths)
+    ]

@@ -1,0 +1,169 @@
+"""The page of the package's policies: returns, gains over the tuned law, and physical figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...agents.evaluation.scores import bounds
+from ...agents.evaluation.statistics import middle_of_runs
+from ...agents.learning.recipe import read_recipe
+from ...display.tables import markdown, write_table
+from ...envs import DEFAULTS, tasks
+from ..learners.references import CONTROLLERS, EPISODES, FIRST_SEED, TUNED
+from .trainings import BLOCKS
+
+COMBINATOR, VA_PITCH = CONTROLLERS[0], "va-pitch"
+CLASSIC = (COMBINATOR, VA_PITCH, TUNED)
+NAME, COMMAND = "policies", "python -m shaftline.studies.policies --out docs/results"
+
+NOTES = (
+    f"Each mean is over {EPISODES} episodes from seed {FIRST_SEED}, which no training and no search "
+    "draws; a failed episode counts 0. Held-out seas are higher, shorter or from another side."
+)
+
+_WON = 0.1  # of the score, which a policy has to gain over the tuned controller
+_FIGURES = {
+    "fuel_kg_nmi": "fuel [kg/nmi]", "speed_error_rms_m_s": "speed error, rms [m/s]",
+    "speed_short_m_s": "order less speed, mean [m/s]", "wave_torque_kN_m": "gauge in waves [kN m]",
+    "wave_engine_torque_kN_m": "engine in waves [kN m]",
+    "heading_error_rms_deg": "heading error, rms [deg]", "track_error_rms_m": "track error, rms [m]",
+}  # fmt: skip
+
+
+def means(cell: Mapping[str, Any]) -> dict[str, float]:
+    """Return the mean return of a cell in the training's seas and in those held out."""
+    return {part: float(np.mean(cell[part]["values"])) for part in ("training", "held-out")}
+
+
+def episodes_of(task: str, part: str, found: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return the returns of the trained policies, shape (trainings, episodes)."""
+    rows = [v[part]["values"] for k, v in found.items() if k.startswith(f"policy_{task}_")]
+    return np.atleast_2d(np.array(rows, dtype=np.float64)) if rows else np.zeros((0, 0))
+
+
+def classic_of(task: str, name: str, part: str, found: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Return the returns of a classic controller, shape (episodes,)."""
+    key = f"classic_{task}_{name}".replace(" ", "-")
+    return np.array(found[key][part]["values"], dtype=np.float64)
+
+
+def table_of(found: Mapping[str, Any]) -> pd.DataFrame:
+    """Return a row for each task and part: returns, gain over the tuned law, unit of the score."""
+    rows = []
+    for task in tasks(None):
+        for part in BLOCKS:
+            policies = episodes_of(task, part, found)
+            if not len(policies):
+                continue
+            classic = {name: classic_of(task, name, part, found) for name in CLASSIC}
+            gain, low, high = middle_of_runs(policies - classic[TUNED])
+            bound = bounds().get(task)
+            steps = DEFAULTS.max_episode_steps or 1
+            unit = np.nan if bound is None else steps * (bound.best - bound.combinator)
+            rows.append(
+                {"task": task, "seas": part, "trainings": len(policies),
+                 "policy": float(policies.mean()),
+                 **{name: float(values.mean()) for name, values in classic.items()},
+                 "gain": gain, "gain_low": low, "gain_high": high, "score_unit": unit}
+            )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _shown(table: pd.DataFrame, part: str) -> pd.DataFrame:
+    rows = table[table["seas"] == part]
+    unit = rows["score_unit"]
+    return pd.DataFrame(
+        {
+            "task": rows["task"],
+            "action mode": [_mode(task) for task in rows["task"]],
+            "trainings": rows["trainings"],
+            **{name: rows[name].round(1) for name in (*CLASSIC, "policy")},
+            "policy less tuned controller": [
+                f"{r['gain']:+.1f} ({r['gain_low']:+.1f} to {r['gain_high']:+.1f})"
+                for _, r in rows.iterrows()
+            ],
+            "the same, % of the score": [
+                "–" if np.isnan(u) else f"{100.0 * g / u:+.0f}"
+                for g, u in zip(rows["gain"], unit, strict=True)
+            ],
+        }
+    )
+
+
+def _mode(task: str) -> str:
+    """Return the action mode of a task's recipe, without the constants of a base controller."""
+    mode = read_recipe("ppo", task).env_kwargs.get("action_mode", DEFAULTS.action_mode)
+    return ":".join(str(mode).split(":")[:1])
+
+
+def won(table: pd.DataFrame) -> list[str]:
+    """Return the tasks in which the gain is wholly above a tenth of the score, in every part."""
+    found = []
+    for task, rows in table.groupby("task", sort=False):
+        if (rows["gain_low"] > 0.0).all() and (rows["gain"] > _WON * rows["score_unit"]).all():
+            found.append(str(task))
+    return found
+
+
+def figures(found: Mapping[str, Any]) -> pd.DataFrame:
+    """Return physical figures of policy and tuned controller in the training's seas, task by task."""
+    rows = []
+    for task in tasks(None):
+        cells = [v for k, v in found.items() if k.startswith(f"policy_{task}_")]
+        if not cells:
+            continue
+        tuned = found[f"classic_{task}_{TUNED}".replace(" ", "-")]["training"]["kpis"]
+        row: dict[str, Any] = {"task": task}
+        for name, words in _FIGURES.items():
+            own = float(np.mean([cell["training"]["kpis"][name] for cell in cells]))
+            row[words] = f"{own:.3g} / {tuned[name]:.3g}" if own or tuned[name] else "–"
+        failed = float(np.mean([cell["training"]["failed"] for cell in cells]))
+        rows.append(row | {"failed": f"{failed:.3g}"})
+    return pd.DataFrame(rows)
+
+
+_TEXT = """\
+The recipe of each task (`agents/learning/recipes/ppo.yml`), chosen once on the task's own seas: its mean
+over the trainings, none of which is chosen, beside the classic controllers. `tuned controller` is the
+best classic law that `shaftline tune` found for the task. In the mode `residual` a policy adds to the
+commands of that tuned controller, so the gain is what learning added; in the mode `increment` or
+`absolute` it was learned from nothing. The gain is given with its 95 % interval over trainings and
+episodes together, and as a share of the score (0 the combinator, 1 the clairvoyant bound of
+[standard learners](learners.md)), where the task has a bound.
+
+{notes}
+
+A policy has to gain a tenth of the score, with the whole interval above zero, in both blocks of seeds
+and in the held-out seas: {won}."""
+
+
+def write(folder: Path, found: Mapping[str, Any]) -> Path:
+    """Write page and table.
+
+    Args:
+        folder: of the results.
+        found: results by name of their cells.
+    """
+    table = table_of(found)
+    names = won(table)
+    reached = (
+        f"{', '.join(f'`{name}`' for name in names)} reach it" if names else "no task reaches it"
+    )
+    titles = {"training": "Seas of the training", "second block": "A second block of seeds",
+              "held-out": "Held-out seas"}  # fmt: skip
+    body = [_TEXT.format(notes=NOTES, won=reached)]
+    for part, title in titles.items():
+        body += [f"## {title}", markdown(_shown(table, part))]
+    body += [
+        "## In physical units",
+        "Policy / tuned controller, seas of the training.",
+        markdown(figures(found)),
+    ]
+    write_table(folder, NAME, "The policies of the package", COMMAND, table, "\n\n".join(body))
+    return folder / f"{NAME}.md"

@@ -1,0 +1,41 @@
+"""Trainings by the package's recipes, each judged on two blocks of seeds and on held-out seas."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ...agents.learning.recipe import read_recipe
+from ...agents.learning.training import train
+from ...agents.policy.policy import load_policy
+from ...envs.tasks import HELD_OUT
+from ..learners.references import EPISODES, FIRST_SEED, reference, returns_of
+
+BLOCKS = {
+    "training": ("", FIRST_SEED),
+    "second block": ("", FIRST_SEED + 10_000),
+    "held-out": (f":{HELD_OUT}", FIRST_SEED),
+}
+"""Parts of the judging: behind the task's name, and first seed."""
+
+
+def judged(controller: Any, task: str) -> dict[str, Any]:
+    """Return the episodes of a controller in each part, as JSON allows."""
+    return {
+        name: returns_of(controller, f"{task}{part}", EPISODES, first)._asdict()
+        for name, (part, first) in BLOCKS.items()
+    }
+
+
+def policy_cell(cell: tuple[str, int, Path]) -> dict[str, Any]:
+    """Train the recipe of a task with a seed, or resume it, and judge the policy."""
+    task, seed, folder = cell
+    recipe = read_recipe("ppo", task)
+    file = train(recipe, seed, folder / "trainings" / f"{task}-{seed}", device="cpu", threads=1)
+    return judged(load_policy(file), task)
+
+
+def classic_cell(cell: tuple[str, str]) -> dict[str, Any]:
+    """Judge a classic controller on a task."""
+    task, name = cell
+    return judged(reference(task, name), task)
