@@ -72,6 +72,7 @@ def video(
         for run in runs:
             gauge, engine = run.swings
             say(
-                f"{run.words}: swing in waves {gauge:.1f} kN m at the gauge, {engine:.2f} of the engine"
+                f"{run.words}: fluctuation in waves {gauge:.1f} kN m at the gauge, {engine:.2f} kN m "
+                "of the engine"
             )
         say(f"film: {out}")

@@ -150,10 +150,15 @@ def prepare(cell: tuple[Truth, Path]) -> dict[str, Any]:
     write_ship(found.corrected, place / "corrected.toml")
     return {
         "true": values,
-        "corrected": {key: found.corrected.number(key) for key in values},
+        "corrected": {key: _finite(found.corrected.number(key).value) for key in values},
         "verdict": str(found.verdict),
         "named": [one.effect.id for one in found.findings],
     }
+
+
+def _finite(value: float) -> float | None:
+    """Return a value as JSON allows: an infinite one, a limit that is absent, is None."""
+    return float(value) if np.isfinite(value) else None
 
 
 def ship_of(made_for: str, folder: Path) -> str:
@@ -166,7 +171,9 @@ def learned(cell: tuple[str, str, Path]) -> dict[str, Any]:
     kind, made_for, folder = cell
     ship = ship_of(made_for, folder)
     if kind == "PPO":
-        kwargs: dict[str, Any] = {"randomise": WIDTHS} if made_for == RANDOMISED else {}
+        kwargs: dict[str, Any] = {"action_mode": "increment"}
+        if made_for == RANDOMISED:
+            kwargs["randomise"] = WIDTHS
         recipe = read_recipe("ppo", TASK, n_timesteps=STEPS, evaluations=1, env_kwargs=kwargs)
         place = folder / "trainings" / made_for.replace("/", "-")
         policy = train(recipe, TRAINING_SEED, place, ship=ship, device="cpu", threads=1)
@@ -281,7 +288,8 @@ proof's.
 Controllers are made for the **file**'s ship, for the **corrected** one and for the **true** one, and all
 command the true ship in `{task}`: {episodes} episodes from seed {first}, returns of 600 at the most.
 `combinator` and `va-pitch` are computed from the ship file; `tuned va-pitch` is searched on that ship
-({rounds} rounds); `PPO` is the recipe of the task with {steps:,} intervals, one training. `randomised`:
+({rounds} rounds); `PPO` is learned from nothing (increments) with the
+hyperparameters of the recipe and {steps:,} intervals, one training. `randomised`:
 PPO on the file's ship with resistance, torque of the propeller and inertia drawn anew each episode
 ({widths}).
 
@@ -321,7 +329,10 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
             (
                 name,
                 "; ".join(f"{key} = {value:.3g}" for key, value in one["true"].items()),
-                "; ".join(f"{value:.3g}" for value in one["corrected"].values()),
+                "; ".join(
+                    "none" if value is None else f"{value:.3g}"
+                    for value in one["corrected"].values()
+                ),
                 one["verdict"],
                 ", ".join(one["named"]),
             )

@@ -27,7 +27,55 @@ EVERY_S = 0.25
 PER_SECOND = 10
 """Frames: two and a half times as fast as the sea."""
 
-_LENGTH_M, _DRAUGHT_M, _AROUND_M = 110.0, 4.2, 130.0  # of the silhouette, and how far one looks
+_LENGTH_M, _DRAUGHT_M, _AROUND_M = 110.0, 4.2, 80.0  # of the drawn ship, and how far one looks
+_GREY, _LIGHT, _DARK, _RED = "#7d858c", "#a3abb1", "#3d4349", "#9c3b34"
+_PARTS: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = (
+    (_DARK, ((-0.475, -0.6), (-0.447, -0.6), (-0.450, -3.9), (-0.470, -3.9))),  # rudder
+    (_DARK, ((-0.430, -2.75), (-0.430, -3.25), (-0.300, -3.5), (-0.300, -2.9))),  # shaft
+    (
+        _RED,
+        (
+            (-0.500, 0.6),
+            (-0.480, -0.6),
+            (-0.400, -1.6),
+            (-0.300, -4.2),
+            (0.400, -4.2),
+            (0.470, -3.9),
+            (0.485, -3.0),
+            (0.462, -2.0),
+            (0.466, 0.6),
+        ),
+    ),
+    (
+        _GREY,
+        (
+            (-0.500, 0.6),
+            (-0.508, 4.8),
+            (-0.250, 4.8),
+            (0.000, 5.2),
+            (0.250, 6.2),
+            (0.400, 7.4),
+            (0.505, 8.8),
+            (0.485, 5.0),
+            (0.466, 0.6),
+        ),
+    ),
+    (_LIGHT, ((-0.290, 4.8), (-0.280, 10.0), (-0.140, 10.4), (-0.140, 5.0))),  # hangar
+    (
+        _LIGHT,
+        ((-0.130, 5.0), (-0.120, 8.0), (0.020, 8.2), (0.030, 12.6), (0.150, 12.6), (0.185, 5.8)),
+    ),
+    (_DARK, ((0.125, 11.1), (0.156, 11.1), (0.160, 12.0), (0.125, 12.0))),  # windows of the bridge
+    (_GREY, ((-0.100, 8.0), (-0.092, 14.0), (-0.035, 14.0), (-0.030, 8.0))),  # funnel
+    (_DARK, ((-0.092, 13.2), (-0.092, 14.0), (-0.035, 14.0), (-0.035, 13.2))),
+    (_GREY, ((0.040, 12.6), (0.062, 24.0), (0.070, 24.0), (0.096, 12.6))),  # mast
+    (_DARK, ((0.046, 17.6), (0.098, 17.6), (0.098, 18.1), (0.046, 18.1))),
+    (_LIGHT, ((0.285, 6.4), (0.292, 8.6), (0.325, 8.8), (0.335, 6.8))),  # gun
+    (_DARK, ((0.325, 8.3), (0.385, 9.1), (0.385, 9.35), (0.325, 8.7))),
+)
+"""Colour, and corners: distance ahead of amidships over the length, and height over the water [m]."""
+
+_PROPELLER = (-0.432, -3.0, 3.0)  # place as above, and diameter [m]
 _ROWS = (
     ("shaft_torque", "gauge\n[kN m]", 1e-3),
     ("brake_torque", "engine\n[kN m]", 1e-3),
@@ -89,17 +137,22 @@ def drawn(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any, int]:
         squeeze=False,
     )  # fmt: skip
     offsets = np.linspace(-_AROUND_M, _AROUND_M, 90)
-    hull = _LENGTH_M * np.array([-0.5, -0.5, -0.2, -0.2, 0.1, 0.14, 0.5, 0.43, -0.46])
-    height = np.array([0.0, 5.0, 5.0, 11.0, 11.0, 5.0, 7.0, -_DRAUGHT_M, -_DRAUGHT_M])
     moving: list[Any] = []
     for column, run in enumerate(runs):
         top = axes[0, column]
-        surface = top.fill_between(offsets, -14.0, 0.0, color="#8fb8d8", zorder=3, alpha=0.9)
-        top.fill(hull, height, color="#4a4e57", zorder=2)
-        top.set(xlim=(-_AROUND_M, _AROUND_M), ylim=(-14.0, 16.0), xticks=[], yticks=[])
+        surface = top.fill_between(
+            offsets, -14.0, 0.0, color="#3f7fae", zorder=3, alpha=0.6, lw=0.0
+        )
+        for colour, corners in _PARTS:
+            ahead, height = np.array(corners).T
+            top.fill(_LENGTH_M * ahead, height, color=colour, lw=0.0, zorder=2)
+        (blade,) = top.plot([], [], color="#b8862b", lw=2.0, zorder=2)
+        top.set(xlim=(-_AROUND_M, _AROUND_M), ylim=(-14.0, 26.0), xticks=[], yticks=[])
+        top.set_facecolor("#e9f1f7")
         gauge, engine = run.swings
         top.set_title(
-            f"{run.words}\nswing in waves: gauge {gauge:.1f}, engine {engine:.2f} kN m", fontsize=9
+            f"{run.words}\nfluctuation in waves: gauge {gauge:.1f}, engine {engine:.2f} kN m",
+            fontsize=9,
         )
         lines = []
         for row, (name, words, factor) in enumerate(_ROWS, start=1):
@@ -112,7 +165,7 @@ def drawn(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any, int]:
                 axis.set_ylabel(words, fontsize=8)
             lines.append((line, values))
         axes[-1, column].set_xlabel("time before now [s]", fontsize=8)
-        moving.append((run, surface, lines))
+        moving.append((run, surface, blade, lines))
     for row, (name, _, factor) in enumerate(_ROWS, start=1):
         ends = slice(span.begin - span.shown, span.begin + span.seconds)
         shown = [factor * run.trace.loc[ends, name] for run in runs]
@@ -121,8 +174,9 @@ def drawn(runs: list[Run], sea: Any, span: Span) -> tuple[Figure, Any, int]:
 
     def draw(frame: int) -> list[Any]:
         now = span.begin + frame * EVERY_S
-        for run, surface, lines in moving:
+        for run, surface, blade, lines in moving:
             _surface(surface, run, sea, now, offsets)
+            _blade(blade, run, now)
             times = now + np.arange(-span.shown, 0.5 * EVERY_S, EVERY_S)
             for line, values in lines:
                 line.set_data(times - now, np.interp(times, values.index, values))
@@ -137,6 +191,15 @@ def _surface(surface: Any, run: Run, sea: Any, now: float, offsets: NDArray[np.f
     corners = np.column_stack([offsets, heights])
     floor = np.array([[offsets[-1], -14.0], [offsets[0], -14.0]])
     surface.set_verts([np.vstack([corners, floor])])
+
+
+def _blade(blade: Any, run: Run, now: float) -> None:
+    """Turn the drawn blade as the shaft has turned."""
+    index = run.trace.index
+    turned = np.interp(now, index, np.cumsum(run.trace["shaft_speed"]) * (index[1] - index[0]))
+    ahead, height, diameter = _PROPELLER
+    half = 0.5 * diameter * np.cos(turned)
+    blade.set_data([_LENGTH_M * ahead] * 2, [height - half, height + half])
 
 
 def write(

@@ -181,7 +181,7 @@ _DECLARED = {
     "power_mean_kW": _Kpi("mean brake power of one engine [kW]", lambda s: s.power / s.count),
     "power_peak_kW": _Kpi("highest brake power of one engine [kW]", lambda s: s.power_peak),
     "wave_torque_kN_m": _Kpi(
-        "swing of the shaft torque in waves: rms about its mean over 20 s, from 60 s after a new "
+        "fluctuation of the shaft torque in waves: rms about its mean over 20 s, from 60 s after a new "
         "order on [kN m]",
         lambda s: s.rms("torque"),
     ),

@@ -38,6 +38,9 @@ _ENVIRONMENT = (
 )  # fmt: skip
 """Keywords of the environment that a recipe may set."""
 
+_ON_TUNED = "residual:tuned"
+"""Action mode of a recipe: a residual on the tuned classic controller of the task."""
+
 _RANGES = {
     "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0), "learning_rate": (0.0, 10.0), "tau": (0.0, 1.0),
     "clip_range": (0.0, 10.0), "n_steps": (0.0, 1e9), "batch_size": (0.0, 1e9), "n_epochs": (0.0, 1e6),
@@ -207,6 +210,8 @@ def recipe_of(
             f"{file}: [{task}] env_kwargs.{refused[0]}: cannot be set by a recipe; "
             f"it may set {', '.join(_ENVIRONMENT)}"
         )
+    if env.get("action_mode") == _ON_TUNED:
+        env["action_mode"] = f"residual:{tuned_controller(task)}"
     _check_keys(file, task, algorithm, values)
     if "observer" in env:
         try:
