@@ -21,6 +21,9 @@ FIRST_SEED, EPISODES = 900_000, 48
 CONTROLLERS = ("combinator", "combinator-trimmed", "cpp-optimiser", "anti-spin", "speed-pilot",
                "va-pitch")  # fmt: skip
 TUNED, HOLD, CONSTANT, RANDOM = "tuned controller", "hold", "best constant", "random"
+REFERENCES = (*CONTROLLERS, TUNED, HOLD, CONSTANT, RANDOM)
+"""Names of all that learners are compared with."""
+
 _GRID = 9  # constants by axis
 _SEARCH_EPISODES = 8
 
@@ -88,18 +91,12 @@ def returns_of(
     return Returns(kpis["reward"].tolist(), means["failed"], means)
 
 
-def names_of(task: str) -> tuple[str, ...]:
-    """Return the names of the references of a task."""
-    tuned = () if get_task(task).steered else (TUNED,)
-    return (*CONTROLLERS, *tuned, HOLD, CONSTANT, RANDOM)
-
-
 def reference(task: str, name: str) -> Predictor:
     """Return a controller that learners are compared with.
 
     Args:
         task: name.
-        name: one of :func:`names_of`.
+        name: one of :data:`REFERENCES`.
     """
     model = get_task(task)
     ship, interval = model.sailed(), DEFAULTS.control_interval_s

@@ -83,7 +83,7 @@ def _shown(table: pd.DataFrame, part: str) -> pd.DataFrame:
             "task": rows["task"],
             "action mode": [_mode(task) for task in rows["task"]],
             "trainings": rows["trainings"],
-            **{name: rows[name].round(1) for name in (*CLASSIC, "policy")},
+            **{name: [f"{x:.1f}" for x in rows[name]] for name in (*CLASSIC, "policy")},
             "policy less tuned controller": [
                 f"{r['gain']:+.1f} ({r['gain_low']:+.1f} to {r['gain_high']:+.1f})"
                 for _, r in rows.iterrows()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shaftline.agents import load_policy
-from shaftline.envs import get_task, tasks
+from shaftline.envs import tasks
 from shaftline.studies.learners import bounds, command, page, references, trainings
 from shaftline.studies.learners.bounds import STARTS, STEPS
 from shaftline.studies.learners.references import (
@@ -31,10 +31,8 @@ def test_references_are_the_classic_controllers_and_policies_that_look_at_nothin
 ) -> None:
     monkeypatch.setattr(references, "_GRID", 2)
     monkeypatch.setattr(references, "_SEARCH_EPISODES", 1)
-    names = references.names_of(task)
-    tuned = () if get_task(task).steered else (TUNED,)
-    assert names == (*CONTROLLERS, *tuned, HOLD, CONSTANT, RANDOM)
-    for name in names:
+    assert (*CONTROLLERS, TUNED, HOLD, CONSTANT, RANDOM) == references.REFERENCES
+    for name in references.REFERENCES:
         controller = references.reference(task, name)
         one = references.returns_of(controller, task, episodes=2, steps=20)
         assert len(one.values) == 2, name
