@@ -113,13 +113,16 @@ class Settings(BaseModel):
         """Check keywords and return them as settings.
 
         Raises:
-            ValueError: an unknown keyword, a value of another kind, or one out of range; the message
-                names keyword, value and what is allowed.
+            TypeError: an unknown keyword, as Python has it; the message names those that are known.
+            ValueError: a value of another kind, or one out of range; the message names keyword, value
+                and what is allowed.
         """
         try:
             return Settings.model_validate(dict(keywords))
         except ValidationError as error:
-            raise ValueError(_explain(error.errors()[0])) from None
+            first = error.errors()[0]
+            refusal = TypeError if first["type"] == "extra_forbidden" else ValueError
+            raise refusal(_explain(first)) from None
 
     @property
     def base_controller(self) -> str | None:
@@ -154,7 +157,7 @@ def _explain(error: Any) -> str:
         return str(error["ctx"]["error"])
     name, *where = map(str, error["loc"])
     if kind == "extra_forbidden":
-        return f"unknown keyword {name!r}; known: {', '.join(Settings.model_fields)}"
+        return f"unexpected keyword argument {name!r}; known: {', '.join(Settings.model_fields)}"
     if name == "action_mode":
         return f"action_mode = {given!r}: must be one of {', '.join(ACTION_MODES)}"
     if name == "command":

@@ -76,3 +76,13 @@ def test_an_own_controller_runs() -> None:
         done = truncated
     with pytest.raises(ValueError, match="lag_s"):
         loaded("own_controller").Steady("frigate", 0.5, lag_s=0.0)
+
+
+def test_torchrl_learns(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A single batch shows that environment, collector and loss fit together."""
+    pytest.importorskip("torchrl")
+    monkeypatch.setattr(sys, "argv", ["torchrl_ppo.py", "--steps", "2048", "--episodes", "1"])
+    loaded("torchrl_ppo").main()
+    assert "mean return of 1 episodes: " in capsys.readouterr().out

@@ -18,7 +18,7 @@ STARTS = ("combinator", "combinator-trimmed", "speed-pilot", "va-pitch")
 STEPS = 400
 """Control intervals of a planned episode: two orders."""
 
-EPISODES, ROUNDS = 4, 200
+EPISODES, ROUNDS = 2, 200
 
 
 def plan_cell(cell: tuple[str, int, str]) -> dict[str, Any]:

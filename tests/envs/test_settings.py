@@ -50,7 +50,7 @@ def test_the_page_tells_every_keyword_and_option() -> None:
 @pytest.mark.parametrize(
     ("keywords", "words"),
     [
-        ({"fog": 1}, "unknown keyword 'fog'; known: ship, task, observer"),
+        ({"fog": 1}, "unexpected keyword argument 'fog'; known: ship, task, observer"),
         (
             {"action_mode": "sail"},
             "unknown action_mode 'sail'; known: increment, absolute, residual, and",
@@ -71,7 +71,7 @@ def test_the_page_tells_every_keyword_and_option() -> None:
         ({"max_episode_steps": 9.5}, "max_episode_steps = 9.5: must be a whole number"),
         ({"max_episode_steps": True}, "max_episode_steps = True: must be a whole number"),
         ({"max_episode_steps": "300"}, "max_episode_steps = '300': must be a whole number"),
-        ({"episode_s": 300.0}, "unknown keyword 'episode_s'"),
+        ({"episode_s": 300.0}, "unexpected keyword argument 'episode_s'"),
         ({"control_interval_s": 0.0}, r"control_interval_s = 0\.0 s: must be .* above 0"),
         ({"control_interval_s": -0.5}, r"control_interval_s = -0\.5 s: must be .* above 0"),
         ({"control_interval_s": math.inf}, "control_interval_s = inf s: must be .* finite"),
@@ -88,8 +88,14 @@ def test_the_page_tells_every_keyword_and_option() -> None:
     ],
 )
 def test_keywords_out_of_range_are_named(keywords: dict[str, Any], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises((TypeError, ValueError), match=words):
         Settings.of(keywords)
+
+
+def test_an_unknown_keyword_is_a_type_error() -> None:
+    """As Python has it, and as wrappers that try keywords expect (TorchRL's ``frameskip``)."""
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'"):
+        FrigateEnv(frameskip=1)
 
 
 def test_the_second_action_commands_the_shaft_speed_unless_chosen() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import yaml
 
@@ -15,7 +17,7 @@ RETURNS = {
 }
 
 
-def head_and_text(name: str) -> tuple[dict[str, object], str]:
+def head_and_text(name: str) -> tuple[dict[str, Any], str]:
     text = card(name, load_policy(name), RETURNS, "Forty-eight episodes.")
     _, head, rest = text.split("---\n", 2)
     return yaml.safe_load(head), rest
@@ -24,8 +26,8 @@ def head_and_text(name: str) -> tuple[dict[str, object], str]:
 def test_the_head_is_what_the_hub_reads() -> None:
     head, _ = head_and_text("storm")
     assert head["library_name"] == "shaftline"
-    assert "reinforcement-learning" in head["tags"]  # type: ignore[operator]
-    (model,) = head["model-index"]  # type: ignore[misc]
+    assert "reinforcement-learning" in head["tags"]
+    (model,) = head["model-index"]
     found = [(one["dataset"]["name"], one["metrics"][0]["value"]) for one in model["results"]]
     assert found == [("storm, training seas", 401.2), ("storm, held-out seas", 380.0)]
 
