@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -199,11 +199,14 @@ def judged(cell: tuple[str, str, str, Path]) -> dict[str, Any]:
 _SHOWN = ("fuel_kg_nmi", "speed_error_rms_m_s", "overload_s")
 
 
-def run(folder: Path, jobs: int | None) -> tuple[dict[str, Any], pd.DataFrame]:
+def run(
+    folder: Path, kinds: Sequence[str], jobs: int | None
+) -> tuple[dict[str, Any], pd.DataFrame]:
     """Compute whatever is missing in a folder.
 
     Args:
         folder: where everything is kept.
+        kinds: controllers, of :data:`KINDS`.
         jobs: processes.
 
     Returns:
@@ -220,14 +223,15 @@ def run(folder: Path, jobs: int | None) -> tuple[dict[str, Any], pd.DataFrame]:
     own = [f"{name}/{made}" for name in truths for made in MADE_FOR[1:]]
     cells = {
         f"learned_{kind}_{made}".replace("/", "-").replace(" ", "-"): (kind, made, folder)
-        for kind in KINDS[2:]
+        for kind in kinds
+        if kind in KINDS[2:]
         for made in ("file", *([RANDOMISED] if kind == "PPO" else []), *own)
     }
     texts = sweep(learned, cells, folder, jobs=jobs, tick=tick)
     made_by = {(kind, made): texts[key]["controller"] for key, (kind, made, _) in cells.items()}
     to_judge: dict[str, tuple[str, str, str, Path]] = {}
     keys = []
-    for name, kind in itertools.product(truths, KINDS):
+    for name, kind in itertools.product(truths, kinds):
         for made in (*MADE_FOR, *([RANDOMISED] if kind == "PPO" else [])):
             place = made if made in ("file", RANDOMISED) else f"{name}/{made}"
             key = f"judged_{kind}_{made}_{name}".replace(" ", "-")
@@ -316,9 +320,11 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
         ships: diagnoses by ship.
         table: of :func:`run`.
     """
-    rows = pd.DataFrame([recovered(table, kind) for kind in KINDS])
+    kinds = list(table["controller"].unique())
+    rows = pd.DataFrame([recovered(table, kind) for kind in kinds])
     shown = pd.DataFrame({"controller": rows["controller"]})
-    for made in (*MADE_FOR, RANDOMISED, "lost", "recovered"):
+    randomised = [RANDOMISED] if RANDOMISED in rows else []
+    for made in (*MADE_FOR, *randomised, "lost", "recovered"):
         shown[made] = ["–" if np.isnan(x) else f"{x:.1f}" for x in rows[made]]
     shown["share recovered"] = [
         f"{100.0 * r['share']:.0f} % ({100.0 * r['share_low']:.0f} to {100.0 * r['share_high']:.0f})"
@@ -343,7 +349,7 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
     each = table.assign(what=table["controller"] + ", " + table["made for"]).pivot(
         index="ship", columns="what", values="reward"
     )
-    order = [f"{kind}, {made}" for kind in KINDS for made in MADE_FOR]
+    order = [f"{kind}, {made}" for kind in kinds for made in MADE_FOR]
     save(drawn_figure(table), folder / "figures" / f"{NAME}.png")
     widths = ", ".join(f"`{key}` ±{100.0 * width:.0f} %" for key, width in WIDTHS.items())
     text = _TEXT.format(
@@ -363,8 +369,9 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
 
 def drawn_figure(table: pd.DataFrame) -> Figure:
     """Draw the return for each ship that a controller was made for, a panel for each kind."""
-    figure, axes = new_figure(1, len(KINDS), (3.0 * len(KINDS), 3.4))
-    for axis, kind in zip(axes.flat, KINDS, strict=True):
+    kinds = list(table["controller"].unique())
+    figure, axes = new_figure(1, len(kinds), (3.0 * len(kinds), 3.4))
+    for axis, kind in zip(axes.flat, kinds, strict=True):
         wide = table[table["controller"] == kind].pivot(
             index="ship", columns="made for", values="reward"
         )
@@ -393,10 +400,11 @@ def main(arguments: list[str] | None = None) -> None:
     add = parser.add_argument
     add("--out", type=Path, default=Path("out/diagnosed/page"), help="folder of the page")
     add("--kept", type=Path, default=Path("out/diagnosed"), help="folder of everything computed")
+    add("--controllers", nargs="+", choices=KINDS, default=list(KINDS), help="controllers")
     add("--jobs", type=int, help="processes; one for each core by default")
     options = parser.parse_args(arguments)
     try:
-        ships, table = run(options.kept, options.jobs)
+        ships, table = run(options.kept, options.controllers, options.jobs)
     except SweepError as error:
         parser.exit(1, f"{error}\n")
     print(f"\npage: {write(options.out, ships, table)}")

@@ -64,8 +64,9 @@ Written before anything was trained.
   both see shaft speed, torque, pitch and rack, from which an estimate is made?
 - **Arms**: observers {", ".join(f"`{name}`" for name in OBSERVERS)} (with `{NONE}` the estimate is
   marked as not valid), each with the last {" and ".join(map(str, HISTORIES))} observations:
-  {len(OBSERVERS) * len(HISTORIES)} arms of {RUNS} trainings, equal seeds in all. The recipe is the
-  package's for `{TASK}`, which has no base controller.
+  {len(OBSERVERS) * len(HISTORIES)} arms of {RUNS} trainings, equal seeds in all. The
+  hyperparameters are the package's for `{TASK}`; the policies command increments, with no base
+  controller.
 - **Judged** on {EPISODES} episodes of the held-out seas, the same for all, by the task's reward: with
   the usual noise; with {NOISY:g} times the torque gauge's noise; with KQ up to 5 % off, in each episode
   by another amount. The same policies in all three: nothing is trained again.
@@ -106,7 +107,7 @@ class Arm(NamedTuple):
     def recipe(self, **changes: Any) -> Recipe:
         """Of its trainings."""
         return read_recipe(
-            "ppo", TASK, env_kwargs={"observer": self.observer},
+            "ppo", TASK, env_kwargs={"observer": self.observer, "action_mode": "increment"},
             frame_stack=self.history, **changes,
         )  # fmt: skip
 
