@@ -1,10 +1,10 @@
 """Classic controllers, one file each, all with stable-baselines3's ``predict``.
 
 :func:`make_controller` gives one by name: the combinator, the CPP optimiser, the thrust controller with
-or without anti-spin, the speed pilot, the pitch law by the advance velocity. They are built with a ship,
-a control interval and options, and derive from :class:`Controller`. :class:`Governor` is the inner loop
-of several: it moves the rack. :class:`ThrustControl` is told a thrust instead of a speed and drives an
-electric motor.
+or without anti-spin, the speed pilot, the pitch law by the advance velocity, the model-predictive
+controller. They are built with a ship, a control interval and options, and derive from
+:class:`Controller`. :class:`Governor` is the inner loop of several: it moves the rack.
+:class:`ThrustControl` is told a thrust instead of a speed and drives an electric motor.
 """
 
 from .anti_spin import AntiSpin, AntiSpinTuning
@@ -16,6 +16,7 @@ from .cpp_optimiser import CppOptimiser
 from .governor import Governor
 from .helmsman import Course, Helmsman
 from .loops import controller_loop, helmsman_loop
+from .mpc import ModelPredictive
 from .registry import (
     ControllerError,
     controller_names,
@@ -45,6 +46,7 @@ __all__ = [
     "Curve",
     "Governor",
     "Helmsman",
+    "ModelPredictive",
     "Readings",
     "SpeedPilot",
     "SteadyPoint",

@@ -30,6 +30,8 @@ NAMES = [
     "cpp-optimiser-at-actual",
     "anti-spin",
     "no-anti-spin",
+    "mpc",
+    "mpc-preview",
     "speed-pilot",
     "va-pitch",
     "va-pitch-silent",

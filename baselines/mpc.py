@@ -1,0 +1,420 @@
+"""Model-predictive control of pitch and fuel rack: the torques of shaft and engine held steady in waves.
+
+Every control interval h a quadratic programme chooses the pitch p and the fuel rack X of the next N
+intervals. It minimises the sum over the intervals of
+
+    q_M ((M - M*) / M_max)^2          shaft torque about its 20 s mean
+    q_E ((M_b - M_b*) / M_b,max)^2    engine torque about its 20 s mean
+    q_p ((p - p_0) / range of p)^2  + r_p (change of p / range of p)^2
+    q_X ((X - X_0) / X_max)^2       + r_X (change of X / X_max)^2
+
+with the model
+
+    I w' = eta i M_b(i w, X) - M_p(v, w, p) + d          ship speed constant over the horizon
+    M    = eta i M_b - I_L w'                            shaft torque between I_L and I_R
+
+and the constraints
+
+    |p[k+1] - p[k]| <= h times the rate limit of the pitch
+    p[k+1] - exp(-h / tau_p) p[k]  within  (1 - exp(-h / tau_p)) times the range of p
+    p within its range, X within the rack limits of the speed pilot at the shaft speed ahead
+
+p_0 and X_0 are the commands of the speed pilot without its response to waves, so the ship speed is held
+slowly. The means are taken of the torques that the model gives at p_0 and X_0. The model is linearised
+about the plan of the previous interval, one Gauss-Newton step per interval (real-time iteration, Diehl
+et al. 2005). The torque d is estimated from the error of the last predicted shaft speed; it removes a
+steady error of the model.
+
+The advance velocity ahead is u + e: u is what the wake leaves of the ship speed, e the inflow of the
+waves. With a preview e is the inflow that the sensor at the bow measures. Without one the present
+e = v - u and its slope e' are continued as a decaying oscillation,
+
+    e(t) = exp(-t / T_e) (e cos(f t) + e' / f sin(f t)),     f^2 = mean of e'^2 / mean of e^2
+
+with the means over 60 s. Without a valid estimate e = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..plant.drives.diesel import rack_torque
+from ..plant.hull import wake_inflow
+from ..plant.shaft import shaft_inertia
+from ..plant.ship import Ship
+from .controller import OBSERVED, PREVIEW_S, Readings
+from .mpc_model import FASTEST, SLOWEST, forecast, predict_shaft, quadratic_programme, torques
+from .speed_pilot import SpeedPilot
+
+MEAN_S = 20.0
+"""Time constant of the mean torques [s]."""
+
+SLOPE_S = 0.5
+"""Time constant of the slope of the inflow [s]."""
+
+SPECTRUM_S = 60.0
+"""Time constant of the mean squares of the inflow and its slope [s]."""
+
+DISTURBANCE_S = 8.0
+"""Time constant of the estimated disturbance torque [s]."""
+
+PERIODS_S = (4.0, 20.0)
+"""Shortest and longest wave period that the forecast assumes [s]."""
+
+MOST_INTERVALS = 60
+"""Highest number of control intervals in the horizon."""
+
+_LARGEST_DISTURBANCE = 0.3  # share of the highest shaft torque
+_TERMS = 6  # residuals of an interval
+_LEAST_SQUARE = 1e-6  # of the inflow in m2/s2 and of its slope in m2/s4
+_MEASURED = Readings._fields[: len(OBSERVED)]
+_READINGS = len(_MEASURED)
+
+_OWN = 4  # columns of the speed pilot, before these
+(INFLOW, SLOPE, INFLOW_SQUARE, SLOPE_SQUARE, SHAFT_AIM, ENGINE_AIM, BASE_PITCH, BASE_RACK, AHEAD,
+ DISTURBANCE) = range(_OWN, _OWN + 10)  # fmt: skip
+"""Columns of the controller state.
+
+e [m/s], e' [m/s2], their mean squares, M* [N m], M_b* [N m], p_0 [-] and X_0 [mm] of the last call, the
+shaft speed predicted for this call [rad/s], d [N m]. The last finite measurements and the plan follow.
+"""
+_HELD = slice(_OWN + 10, _OWN + 10 + _READINGS)
+_PLAN = _OWN + 10 + _READINGS
+
+
+class ModelPredictive(SpeedPilot):
+    """Model-predictive controller that holds shaft and engine torque in waves by pitch and fuel rack.
+
+    Weights are costs of a deviation of the whole range of a signal.
+
+    Args:
+        ship: a ship with a diesel and a controllable pitch, or its name.
+        interval_s: control interval h [s].
+        horizon_s: N h, the time that the plan covers [s].
+        shaft_weight: q_M [-].
+        engine_weight: q_E [-].
+        pitch_weight: q_p [-].
+        rack_weight: q_X [-].
+        pitch_change_weight: r_p [-].
+        rack_change_weight: r_X [-].
+        wave_memory_s: T_e, time constant with which the forecast of the waves decays [s].
+        preview: read the inflow of the waves ahead from a sensor at the bow, in place of the forecast.
+        settings: as of :class:`SpeedPilot`, whose gains on torque and shaft speed are 0 here by default.
+
+    State: columns of the speed pilot, then :data:`INFLOW` to :data:`DISTURBANCE`, the last finite
+    measurements and the plan; shape (n, 22 + 2 N).
+
+    Raises:
+        ShipError: the ship has no diesel or cannot move.
+        TypeError: an unknown setting.
+        ValueError: the ship's pitch is fixed, an option is out of range, or casadi is not installed.
+    """
+
+    name = "mpc"
+    source = "shaftline's own"
+    variants: ClassVar[Mapping[str, Mapping[str, Any]]] = {"mpc-preview": {"preview": True}}
+    tunable: ClassVar[Mapping[str, tuple[float, float]]] = {
+        **SpeedPilot.tunable, "shaft_weight": (0.0, 10.0), "engine_weight": (0.0, 100.0),
+        "pitch_weight": (0.0, 1.0), "rack_weight": (0.0, 1.0), "pitch_change_weight": (0.0, 10.0),
+        "rack_change_weight": (0.0, 10.0), "wave_memory_s": (0.5, 10.0),
+    }  # fmt: skip
+
+    def __init__(
+        self,
+        ship: str | Ship = "frigate",
+        interval_s: float = 0.5,
+        *,
+        horizon_s: float = 6.0,
+        shaft_weight: float = 1.0,
+        engine_weight: float = 10.0,
+        pitch_weight: float = 0.05,
+        rack_weight: float = 0.01,
+        pitch_change_weight: float = 0.01,
+        rack_change_weight: float = 0.1,
+        wave_memory_s: float = 2.0,
+        preview: bool = False,
+        **settings: float,
+    ) -> None:
+        calm = {"torque_gain": 0.0, "shaft_gain": 0.0, "pitch_gain": 0.0}
+        super().__init__(ship, interval_s, **calm | settings)
+        if not self.ship.has_variable_pitch:
+            raise ValueError(f"{self.ship.name}: mpc needs a controllable pitch")
+        weights = {
+            "shaft_weight": shaft_weight, "engine_weight": engine_weight,
+            "pitch_weight": pitch_weight, "rack_weight": rack_weight,
+            "pitch_change_weight": pitch_change_weight, "rack_change_weight": rack_change_weight,
+        }  # fmt: skip
+        for key, value in weights.items():
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"mpc: {key} = {value!r}: must be 0 or more")
+        if not (math.isfinite(wave_memory_s) and wave_memory_s > 0.0):
+            raise ValueError(f"mpc: wave_memory_s = {wave_memory_s!r} s: must be positive")
+        if not interval_s <= horizon_s <= MOST_INTERVALS * interval_s:
+            raise ValueError(
+                f"mpc: horizon_s = {horizon_s!r} s: must be 1 to {MOST_INTERVALS} control intervals "
+                f"of {interval_s:g} s"
+            )
+        self.wave_memory_s, self.preview = wave_memory_s, bool(preview)
+        self.intervals = round(horizon_s / interval_s)
+        plant = self.plant
+        lag, self._rate = self.ship.pitch_actuator.time_constant_s, float(plant["pitch_rate_limit"])
+        self._keep = math.exp(-interval_s / lag)
+        self._pitches = float(plant["pitch_ratio_min"]), float(plant["pitch_ratio_max"])
+        most = float(rack_torque(plant, plant["engine_speed_max"], plant["drive_max"]))
+        self._engine_most = min(self.ship.diesel.torque_limit_N_m, most)
+        self._shaft_most = self._engine_most * float(plant["gear_ratio"])
+        self._inertia = float(shaft_inertia(plant))
+        pitches, racks = self._pitches[1] - self._pitches[0], float(plant["drive_max"])
+        units = (self._shaft_most, self._engine_most, pitches, racks, pitches, racks)
+        shares = (math.sqrt(w) / u for w, u in zip(weights.values(), units, strict=True))
+        self._scale = np.repeat(np.array(list(shares)), self.intervals)
+        self._units_of_plan = np.repeat([pitches, racks], self.intervals)
+        self._fixed = self._fixed_rows()
+        self._travel()
+        quadratic_programme(self.intervals, self._keep)
+
+    def _fixed_rows(self) -> NDArray[np.float64]:
+        """Return the derivatives of the residuals of pitch and rack to the plan, shape (4 N, 2 N)."""
+        n = self.intervals
+        change = np.eye(n) - np.eye(n, k=-1)
+        none = np.zeros((n, n))
+        return np.block([[np.eye(n), none], [none, np.eye(n)], [change, none], [none, change]])
+
+    def _travel(self) -> None:
+        """Tabulate the travel of the pitch in an interval over the error of its command."""
+        lag, h = self.ship.pitch_actuator.time_constant_s, self.interval_s
+        if math.isinf(self._rate):
+            most = 2.0 * (self._pitches[1] - self._pitches[0])
+            self._errors = np.array([0.0, most])
+            self._travels = (1.0 - self._keep) * self._errors
+            return
+        limited = np.linspace(0.0, h, 50)  # time for which the rate limit holds
+        errors = self._rate * (lag + limited)
+        travels = self._rate * (limited + lag * (1.0 - np.exp(-(h - limited) / lag)))
+        self._errors, self._travels = np.append(0.0, errors), np.append(0.0, travels)
+
+    def _finite(self, seen: Readings, held: NDArray[np.float64]) -> Readings:
+        """Return the measurements with the last finite ones in place of those that are not finite.
+
+        Args:
+            seen: measurements of n ships.
+            held: last finite measurements, shape (n, 8), changed in place.
+        """
+        now = np.column_stack([getattr(seen, name) for name in _MEASURED])
+        estimate = np.isfinite(now[:, 6])
+        held[:] = np.where(np.isfinite(now), now, held)
+        held[:, 7] = np.where(estimate & (now[:, 7] > 0.5), 1.0, 0.0)
+        low, high = self.ship.shaft_speeds
+        held[:, 1] = np.clip(held[:, 1], SLOWEST * low, FASTEST * high)
+        held[:, 3] = np.clip(held[:, 3], *self._pitches)
+        held[:, 4] = np.clip(held[:, 4], self.plant["drive_min"], self.plant["drive_max"])
+        told = seen.wave_inflow
+        if told is not None:
+            told = np.where(np.isfinite(told), told, 0.0)
+        return Readings(**dict(zip(_MEASURED, held.T.copy(), strict=True)), wave_inflow=told)
+
+    def _usual(self, seen: Readings) -> NDArray[np.float64]:
+        """Return measurements of the middle of the combinator's curve, shape (n, 8)."""
+        middle = len(self._speeds) // 2
+        speed, shaft = float(self._speeds[middle]), float(np.mean(self.ship.shaft_speeds))
+        pitch, rack = float(self._pitch[middle]), float(self._rack[middle])
+        row = [speed, shaft, 0.0, pitch, rack, speed, speed, 0.0]
+        return np.tile(row, (len(seen.speed_order), 1))
+
+    def inflow(self, seen: Readings) -> NDArray[np.float64]:
+        """Return the present inflow of the waves e [m/s], shape (n,); 0 without a valid estimate."""
+        if seen.wave_inflow is not None:
+            return np.array(seen.wave_inflow[:, 0])
+        deviation = seen.advance_velocity - wake_inflow(self.plant, seen.ship_speed)
+        return np.where(seen.estimate_valid > 0.5, deviation, 0.0)
+
+    def velocities(self, seen: Readings, memory: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the advance velocity in the middle of each interval ahead [m/s], shape (n, N).
+
+        Args:
+            seen: finite measurements of n ships.
+            memory: controller state, with this inflow already in it.
+        """
+        ahead_s = self.interval_s * (np.arange(self.intervals, dtype=np.float64) + 0.5)
+        if seen.wave_inflow is not None:
+            waves = np.array([np.interp(ahead_s, PREVIEW_S, row) for row in seen.wave_inflow])
+        else:
+            slowest, fastest = (2.0 * math.pi / period for period in reversed(PERIODS_S))
+            squares = np.maximum(memory[:, [INFLOW_SQUARE, SLOPE_SQUARE]], _LEAST_SQUARE)
+            ratio = squares[:, 1] / squares[:, 0]
+            frequency = np.clip(np.sqrt(ratio), slowest, fastest)
+            waves = forecast(
+                memory[:, INFLOW], memory[:, SLOPE], frequency, self.wave_memory_s, ahead_s
+            )
+        return np.asarray(wake_inflow(self.plant, seen.ship_speed)[:, None] + waves)
+
+    def fresh(self, seen: Readings) -> NDArray[np.float64]:
+        """Return the state of a controller that takes over a ship in steady motion.
+
+        The plan is the base command, and the disturbance balances the shaft as measured.
+        """
+        held = self._usual(seen)
+        seen = self._finite(seen, held)
+        n, base = self.intervals, np.interp(seen.speed_order, self._speeds, self._pitch)
+        inflow = self.inflow(seen)
+        velocity = wake_inflow(self.plant, seen.ship_speed) + inflow
+        memory = np.zeros((len(base), _PLAN + 2 * n))
+        memory[:, :_OWN] = super().fresh(seen)
+        memory[:, INFLOW] = inflow
+        memory[:, _HELD] = held
+        memory[:, BASE_PITCH], memory[:, BASE_RACK] = base, seen.fuel_rack
+        memory[:, AHEAD] = seen.shaft_speed
+        memory[:, _PLAN : _PLAN + n], memory[:, _PLAN + n :] = (
+            base[:, None],
+            seen.fuel_rack[:, None],
+        )
+        most = _LARGEST_DISTURBANCE * self._shaft_most
+        for row, v, w, p, x, b in zip(
+            memory, velocity, seen.shaft_speed, seen.pitch_ratio, seen.fuel_rack, base, strict=True
+        ):
+            drive, load, row[ENGINE_AIM] = torques(self.plant, v, w, p, x)
+            row[DISTURBANCE] = min(max(load - drive, -most), most)
+            row[SHAFT_AIM] = self._shaft(v, w, b, x, row[DISTURBANCE])
+        return memory
+
+    def _shaft(self, v: float, w: float, p: float, x: float, disturbance: float) -> float:
+        """Return the shaft torque of the model [N m]."""
+        drive, load, _ = torques(self.plant, v, w, p, x)
+        share = float(self.plant["inertia_engine_side"]) / self._inertia
+        return drive - share * (drive - load + disturbance)
+
+    def _remember(
+        self, row: NDArray[np.float64], v: float, w: float, base: tuple[float, float]
+    ) -> None:
+        """Update disturbance and mean torques of one ship.
+
+        Args:
+            row: controller state of the ship, changed in place.
+            v: present advance velocity [m/s].
+            w: shaft speed [rad/s].
+            base: p_0 [-] and X_0 [mm].
+        """
+        h, most = self.interval_s, _LARGEST_DISTURBANCE * self._shaft_most
+        missed = (w - row[AHEAD]) * self._inertia / h
+        disturbance = row[DISTURBANCE] + (1.0 - math.exp(-h / DISTURBANCE_S)) * missed
+        row[DISTURBANCE] = min(max(disturbance, -most), most)
+        keep = math.exp(-h / MEAN_S)
+        now = self._shaft(v, w, *base, row[DISTURBANCE])
+        engine = torques(self.plant, v, w, *base)[2]
+        # A change of the base, as after a new order, is no wave: the means take it in at once.
+        old = float(row[BASE_PITCH]), float(row[BASE_RACK])
+        row[SHAFT_AIM] += now - self._shaft(v, w, *old, row[DISTURBANCE])
+        row[ENGINE_AIM] += engine - torques(self.plant, v, w, *old)[2]
+        row[SHAFT_AIM] = keep * row[SHAFT_AIM] + (1.0 - keep) * now
+        row[ENGINE_AIM] = keep * row[ENGINE_AIM] + (1.0 - keep) * engine
+        row[BASE_PITCH], row[BASE_RACK] = base
+
+    def plan(
+        self,
+        row: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        shaft_speed: float,
+        pitch: float,
+        rack: float,
+    ) -> NDArray[np.float64] | None:
+        """Return the N pitches [-] and N racks [mm] of one ship, shape (2 N,); None without a solution.
+
+        Args:
+            row: controller state of the ship, shape (22 + 2 N,).
+            velocity: advance velocity ahead [m/s], shape (N,).
+            shaft_speed: measured [rad/s].
+            pitch: measured P/D [-].
+            rack: present fuel rack [mm].
+        """
+        n = self.intervals
+        base, last = (row[BASE_PITCH], row[BASE_RACK]), row[_PLAN:]
+        steps = last[:n], last[n:]
+        nominal = np.concatenate([part for s in steps for part in (s[1:], s[-1:])])
+        speeds = np.full(n + 1, shaft_speed)
+        shaft, engine = np.empty(n), np.empty(n)
+        slopes = np.empty((_TERMS * n, 2 * n))
+        predict_shaft(
+            self.plant, self.interval_s, row[DISTURBANCE], velocity,
+            np.append(pitch, nominal[:n]), nominal[n:], speeds, shaft, engine,
+            slopes[:n], slopes[n : 2 * n],
+        )  # fmt: skip
+        slopes[2 * n :] = self._fixed
+        residuals = np.concatenate([
+            shaft - row[SHAFT_AIM], engine - row[ENGINE_AIM],
+            nominal[:n] - base[0], nominal[n:] - base[1],
+            np.diff(nominal[:n], prepend=pitch), np.diff(nominal[n:], prepend=rack),
+        ])  # fmt: skip
+        slopes *= self._scale[:, None]
+        slopes *= self._units_of_plan
+        hessian = slopes.T @ slopes + 1e-9 * np.eye(2 * n)
+        gradient = slopes.T @ (self._scale * residuals)
+        least, most = self.limits(speeds[:-1])
+        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+            return None
+        solve, matrix = quadratic_programme(n, self._keep)
+        low, high = self._pitches
+        reach = 0.999 * self._rate * self.interval_s
+        added = np.diff(nominal[:n], prepend=pitch)
+        reached = nominal[:n] - self._keep * np.append(pitch, nominal[: n - 1])
+        share, units = 1.0 - self._keep, self._units_of_plan
+        found = solve(
+            h=hessian, g=gradient, a=matrix,
+            lbx=np.concatenate([low - nominal[:n], least - nominal[n:]]) / units,
+            ubx=np.concatenate([high - nominal[:n], most - nominal[n:]]) / units,
+            lba=np.concatenate([-reach - added, share * low - reached]) / units[0],
+            uba=np.concatenate([reach - added, share * high - reached]) / units[0],
+        )  # fmt: skip
+        plan = nominal + units * np.asarray(found["x"]).ravel()
+        if not solve.stats()["success"] or not np.isfinite(plan).all():
+            return None
+        return np.asarray(plan)
+
+    def act(
+        self, seen: Readings, memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the first commands of the plan, or those of the speed pilot without a solution."""
+        seen = self._finite(seen, memory[:, _HELD])
+        pitches, racks = super().act(seen, memory[:, :_OWN])
+        inflow = self.inflow(seen)
+        fast, slow = (math.exp(-self.interval_s / time) for time in (SLOPE_S, SPECTRUM_S))
+        rate = (inflow - memory[:, INFLOW]) / self.interval_s
+        memory[:, SLOPE] = fast * memory[:, SLOPE] + (1.0 - fast) * rate
+        memory[:, INFLOW] = inflow
+        for column, value in ((INFLOW_SQUARE, inflow), (SLOPE_SQUARE, memory[:, SLOPE])):
+            memory[:, column] = slow * memory[:, column] + (1.0 - slow) * value**2
+        ahead = self.velocities(seen, memory)
+        now = wake_inflow(self.plant, seen.ship_speed) + inflow
+        for i, row in enumerate(memory):
+            w, p = float(seen.shaft_speed[i]), float(seen.pitch_ratio[i])
+            self._remember(row, float(now[i]), w, (float(pitches[i]), float(racks[i])))
+            plan = self.plan(row, ahead[i], w, p, float(seen.fuel_rack[i]))
+            n = self.intervals
+            if plan is None:
+                row[_PLAN : _PLAN + n], row[_PLAN + n :] = pitches[i], racks[i]
+            else:
+                row[_PLAN:] = plan
+                pitches[i], racks[i] = p + self._error(plan[0] - p), plan[n]
+            row[AHEAD] = self._next_speed(row, float(ahead[i, 0]), w, p, float(racks[i]))
+        return np.clip(pitches, *self._pitches), racks
+
+    def _error(self, travel: float) -> float:
+        """Return the pitch command less the present pitch [-] that gives a travel in an interval [-]."""
+        return math.copysign(float(np.interp(abs(travel), self._travels, self._errors)), travel)
+
+    def _next_speed(
+        self, row: NDArray[np.float64], v: float, w: float, p: float, x: float
+    ) -> float:
+        """Return the shaft speed [rad/s] that the model predicts for the end of the interval."""
+        middle = 0.5 * (p + row[_PLAN])
+        speeds, pair = np.array([w, w]), np.array([p, 2.0 * middle - p])
+        dummy, slopes = np.empty(1), np.empty((1, 2))
+        predict_shaft(
+            self.plant, self.interval_s, row[DISTURBANCE], np.array([v]), pair, np.array([x]),
+            speeds, dummy, dummy.copy(), slopes, slopes.copy(),
+        )  # fmt: skip
+        return float(speeds[1])
