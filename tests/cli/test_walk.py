@@ -207,10 +207,11 @@ def test_a_diesel_ship_is_evaluated_and_her_loop_shown(
         run("loop", controller, "--ship", files.ship(ship), "--speed", 5, "--out", tmp_path / "l"),
         "the closed loop is unstable", "known are", "a loop is looked at where", "has no linear law",
     )  # fmt: skip
+    task = ("--task", "wave-preview") if controller.endswith("-preview") else ()
     done(
         run(
             "evaluate", "--controller", controller, "--ship", files.ship(ship), "--seeds", 1,
-            "--episode-s", 5, "--jobs", 1, "--out", tmp_path / "e",
+            "--episode-s", 5, "--jobs", 1, "--out", tmp_path / "e", *task,
         )
     )  # fmt: skip
 
