@@ -15,7 +15,7 @@ from ...core.files import read_json, write_json
 from ...core.sweep import SweepError, sweep
 from ...envs import tasks
 from . import bounds, page
-from .references import REFERENCES, reference_cell
+from .references import names_of, reference_cell
 from .trainings import ALGORITHMS, Learner, train_cell
 
 STEPS = {"ppo": 300_000, "recurrent-ppo": 300_000, "sac": 50_000, "td3": 50_000}
@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> None:
     compared = {
         f"reference_{task}_{name.replace(' ', '-')}": (task, name)
         for task in options.task
-        for name in REFERENCES
+        for name in names_of(task)
     }
     trainings = {
         one.name: one for one in learners(options.algorithm, options.task, options.seeds, kept)

@@ -19,7 +19,7 @@ from ...envs import DEFAULTS
 from ...envs.tasks import HELD_OUT
 from .bounds import EPISODES as PLANNED
 from .bounds import STARTS, STEPS
-from .references import CONSTANT, CONTROLLERS, EPISODES, FIRST_SEED, HOLD, RANDOM, TUNED
+from .references import BLIND, CONTROLLERS, EPISODES, FIRST_SEED, PREVIEWING, TUNED
 from .trainings import ALGORITHMS
 
 COMBINATOR = CONTROLLERS[0]
@@ -67,7 +67,7 @@ def episodes_of(task: str, name: str, part: str, found: dict[str, Any]) -> NDArr
 def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
     """Return a row for each task and controller: return with its interval, score, gain, failures."""
     rows = []
-    kinds = (*CONTROLLERS, TUNED, HOLD, CONSTANT, RANDOM, *ALGORITHMS)
+    kinds = (*CONTROLLERS, *PREVIEWING, TUNED, *BLIND, *ALGORITHMS)
     for task, part, name in itertools.product(names, ("", f":{HELD_OUT}"), kinds):
         values = episodes_of(task, name, part, found)
         base = episodes_of(task, COMBINATOR, part, found)

@@ -19,10 +19,14 @@ FIRST_SEED, EPISODES = 900_000, 48
 """Episodes on which everything is compared; no training and no search draws their seeds."""
 
 CONTROLLERS = ("combinator", "combinator-trimmed", "cpp-optimiser", "anti-spin", "speed-pilot",
-               "va-pitch")  # fmt: skip
+               "va-pitch", "mpc")  # fmt: skip
+PREVIEWING = ("va-pitch-preview", "mpc-preview")
+"""Classic controllers of tasks with a preview of the waves."""
+
 TUNED, HOLD, CONSTANT, RANDOM = "tuned controller", "hold", "best constant", "random"
-REFERENCES = (*CONTROLLERS, TUNED, HOLD, CONSTANT, RANDOM)
-"""Names of all that learners are compared with."""
+BLIND = (HOLD, CONSTANT, RANDOM)
+"""Policies that look at nothing."""
+
 
 _GRID = 9  # constants by axis
 _SEARCH_EPISODES = 8
@@ -91,12 +95,17 @@ def returns_of(
     return Returns(kpis["reward"].tolist(), means["failed"], means)
 
 
+def names_of(task: str) -> tuple[str, ...]:
+    """Return the names of all that learners are compared with on a task."""
+    return (*CONTROLLERS, *(PREVIEWING if get_task(task).preview else ()), TUNED, *BLIND)
+
+
 def reference(task: str, name: str) -> Predictor:
     """Return a controller that learners are compared with.
 
     Args:
         task: name.
-        name: one of :data:`REFERENCES`.
+        name: one of :func:`names_of`.
     """
     model = get_task(task)
     ship, interval = model.sailed(), DEFAULTS.control_interval_s
