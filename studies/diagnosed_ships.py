@@ -292,14 +292,15 @@ proof's.
 Controllers are made for the **file**'s ship, for the **corrected** one and for the **true** one, and all
 command the true ship in `{task}`: {episodes} episodes from seed {first}, returns of 600 at the most.
 `combinator` and `va-pitch` are computed from the ship file; `tuned va-pitch` is searched on that ship
-({rounds} rounds); `PPO` is learned from nothing (increments) with the
-hyperparameters of the recipe and {steps:,} intervals, one training. `randomised`:
-PPO on the file's ship with resistance, torque of the propeller and inertia drawn anew each episode
-({widths}).
+({rounds} rounds).{learned}
 
 *Lost* is the return for the true ship less that for the file's, *recovered* that for the corrected one
 less that for the file's; the share is of the sums over the ships, with its 95 % interval over ships. A
 share means little where little is lost: then the controller's own feedback makes up for the ship."""
+
+_LEARNED = """ `PPO` is learned from nothing (increments) with the hyperparameters of the recipe and
+{steps:,} intervals, one training. `randomised`: PPO on the file's ship with resistance, torque of the
+propeller and inertia drawn anew each episode ({widths})."""
 
 _THREE = """\
 ## The same on a ship of yours, in three commands
@@ -354,7 +355,8 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
     widths = ", ".join(f"`{key}` ±{100.0 * width:.0f} %" for key, width in WIDTHS.items())
     text = _TEXT.format(
         file=FILE, minutes=SECONDS / 60.0, task=TASK, episodes=EPISODES, first=FIRST_SEED,
-        rounds=ROUNDS, steps=STEPS, widths=widths,
+        rounds=ROUNDS,
+        learned=_LEARNED.format(steps=STEPS, widths=widths) if "PPO" in kinds else "",
     )  # fmt: skip
     parts = [
         text, markdown(shown), "![Lost and recovered](figures/diagnosed-ships.png)",

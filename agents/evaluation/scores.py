@@ -18,23 +18,17 @@ class Bound(NamedTuple):
     """Clairvoyant bound of a task, in return per control interval."""
 
     combinator: float
-    """Mean of the combinator in the planned episodes."""
-    tuned: float | None
-    """Mean of the tuned controller there; None where the task has none."""
+    """Mean of the combinator over the episodes that judge controllers."""
+    tuned: float
+    """Mean of the tuned controller over the same episodes."""
     best: float
-    """Mean over the episodes of the best plan."""
+    """The latter, and what the best plan gains over it in the planned episodes."""
     spread: float
-    """Mean over the episodes of the best plan less the worst, of the starts."""
+    """Mean over the planned episodes of the best plan less the worst, of the starts."""
 
-    def score(self, mean: float, combinator: float | None = None) -> float:
-        """Return the score of a mean return per interval.
-
-        Args:
-            mean: of the controller.
-            combinator: of the combinator in the same episodes; in the planned ones by default.
-        """
-        start = self.combinator if combinator is None else combinator
-        return (mean - start) / (self.best - self.combinator)
+    def score(self, mean: float) -> float:
+        """Return the score of a mean return per interval."""
+        return (mean - self.combinator) / (self.best - self.combinator)
 
 
 def bounds_file() -> Path:

@@ -42,14 +42,16 @@ def bound_of(task: str, found: dict[str, Any]) -> Bound | None:
         ]
         for seed in seeds
     ]
-    if same is None or len(plans) < PLANNED or any(len(row) < len(STARTS) for row in plans):
+    judged = [episodes_of(task, name, "", found) for name in (COMBINATOR, TUNED)]
+    missing = any(len(row) < len(STARTS) for row in plans) or not all(map(len, judged))
+    if same is None or len(plans) < PLANNED or missing:
         return None
     best, worst = (np.array([end(row) for row in plans]) for end in (max, min))
-    tuned = same.get(TUNED)
+    combinator, tuned = (float(v.mean()) / (DEFAULTS.max_episode_steps or 1) for v in judged)
     return Bound(
-        combinator=same[COMBINATOR] / STEPS,
-        tuned=None if tuned is None else tuned / STEPS,
-        best=float(best.mean()) / STEPS,
+        combinator=combinator,
+        tuned=tuned,
+        best=tuned + (float(best.mean()) - same[TUNED]) / STEPS,
         spread=float((best - worst).mean()) / STEPS,
     )
 
@@ -81,7 +83,7 @@ def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
             {"task": f"{task}{part}", "controller": name, "trainings": len(values), "return": mean,
              "return_low": low, "return_high": high, "gain": gain, "gain_low": gain_low,
              "gain_high": gain_high, "score": np.nan if bound is None or part else
-             bound.score(mean / steps, float(base.mean()) / steps)}
+             bound.score(mean / steps)}
         )  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -127,9 +129,8 @@ def _bounds(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
     for task in names:
         bound = bound_of(task, found)
         if bound is not None:
-            tuned = np.nan if bound.tuned is None else bound.tuned
-            returns = (bound.combinator, tuned, bound.best, bound.spread)
-            rows.append((task, *(STEPS * np.array(returns)), 100.0 * (1.0 - bound.score(tuned))))
+            returns = (DEFAULTS.max_episode_steps or 1) * np.array(bound)
+            rows.append((task, *returns.round(1), round(100.0 * (1.0 - bound.score(bound.tuned)))))
     return pd.DataFrame(
         rows,
         columns=["task", "combinator", "tuned controller", "bound", "spread of the starts",
@@ -179,9 +180,11 @@ the **score**: 0 is the combinator, 1 the clairvoyant bound.
 
 _BOUND_TEXT = """\
 A plan knows the waves and the resistance that come, but an order only from when it is given
-([how](../evaluate.md#the-bound)). Returns over {steps} intervals of {n} episodes. Plans start from the
-commands of {starts}; the bound is the best of them, episode by episode, and the spread is the best less
-the worst, a measure of how far the local optima differ. The true bound may lie higher."""
+([how](../evaluate.md#the-bound)). Plans of {n} episodes, {steps} intervals each, start from the
+commands of {starts}. The best of them, episode by episode, gains so much over the tuned controller in the same
+episodes; the bound is the return of the tuned controller in the {episodes} episodes of the tables and that
+gain. The spread is the best less the worst, a measure of how far the local optima differ. The true bound
+may lie higher."""
 
 
 def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
@@ -212,7 +215,7 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
     ]  # fmt: skip
     if any(bound_of(task, found) for task in names):
         starts = ", ".join(f"`{start}`" for start in STARTS)
-        text = _BOUND_TEXT.format(steps=STEPS, n=PLANNED, starts=starts)
+        text = _BOUND_TEXT.format(steps=STEPS, n=PLANNED, starts=starts, episodes=EPISODES)
         parts += ["## Bounds", text, markdown(_bounds(names, found))]
     write_table(folder, "learners", "Standard learners", COMMAND, table, "\n\n".join(parts))
     return folder / "learners.md"

@@ -73,29 +73,40 @@ def _two_planned_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page, "PLANNED", 2)
 
 
-def test_the_bound_is_the_best_start_of_each_episode() -> None:
-    bound = page.bound_of(TASK, found_of(TASK, PLANS))
+JUDGED = {"combinator": [[150.0, 160.0]], "tuned-controller": [[230.0, 250.0]]}
+"""Episodes of 600 intervals; the tuned controller gets 220 of 400 in the planned ones."""
+
+
+def test_the_bound_is_what_the_best_starts_gain_over_the_tuned_controller() -> None:
+    bound = page.bound_of(TASK, found_of(TASK, PLANS, **JUDGED))
     assert bound is not None
-    assert bound.best == pytest.approx((310.0 + 330.0) / 2.0 / STEPS)
+    assert bound.combinator == pytest.approx(155.0 / 600.0)
+    assert bound.tuned == pytest.approx(240.0 / 600.0)
+    assert bound.best == pytest.approx(240.0 / 600.0 + (320.0 - 220.0) / STEPS)
     assert bound.spread == pytest.approx((20.0 + 50.0) / 2.0 / STEPS)
     assert bound.score(bound.best) == pytest.approx(1.0)
     assert bound.score(bound.combinator) == 0.0
-    lacking = {k: v for k, v in found_of(TASK, PLANS).items() if not k.endswith(STARTS[0])}
-    assert page.bound_of(TASK, lacking) is None
+    whole = found_of(TASK, PLANS, **JUDGED)
+    for end in (STARTS[0], "tuned-controller"):
+        lacking = {k: v for k, v in whole.items() if not k.endswith(end)}
+        assert page.bound_of(TASK, lacking) is None
 
 
 def test_scores_and_gains_are_against_the_combinator_in_the_same_episodes() -> None:
     found = found_of(
-        TASK, PLANS, combinator=[[150.0, 160.0]], ppo=[[250.0, 260.0], [255.0, 265.0]],
+        TASK,
+        PLANS,
+        ppo=[[250.0, 260.0], [255.0, 265.0]],
         **{"va-pitch": [[200.0, 210.0]]},
-    )  # fmt: skip
+        **JUDGED,
+    )
     table = page.table_of([TASK], found).set_index(["task", "controller"])
     row = table.loc[TASK, "ppo"]
     assert row["trainings"] == 2
     assert row["return"] == pytest.approx(257.5)
     assert row["gain"] == pytest.approx(102.5)
     assert row["gain_low"] < 102.5 < row["gain_high"]
-    gap = 320.0 / STEPS - 100.0 / STEPS
+    gap = 240.0 / 600.0 + 100.0 / STEPS - 155.0 / 600.0
     assert row["score"] == pytest.approx(102.5 / 600.0 / gap)
     assert table.loc[TASK, "combinator"]["score"] == 0.0
     assert np.isnan(table.loc[f"{TASK}:held-out", "ppo"]["score"])
