@@ -179,12 +179,12 @@ the **score**: 0 is the combinator, 1 the clairvoyant bound.
 `shaftline tune` found for the task."""
 
 _BOUND_TEXT = """\
-A plan knows the waves and the resistance that come, but an order only from when it is given
-([how](../evaluate.md#the-bound)). Plans of {n} episodes, {steps} intervals each, start from the
-commands of {starts}. The best of them, episode by episode, gains so much over the tuned controller in the same
-episodes; the bound is the return of the tuned controller in the {episodes} episodes of the tables and that
-gain. The spread is the best less the worst, a measure of how far the local optima differ. The true bound
-may lie higher."""
+A plan knows the waves and the resistance that come, but an order only from when it is given. [How it is
+made](../evaluate.md#the-bound). Plans of {n} episodes, {steps} intervals each, start from the commands
+of {starts}. The best of them, episode by
+episode, gains so much over the tuned controller in the same episodes; the bound is the return of the
+tuned controller in the {episodes} episodes of the tables and that gain. The spread is the best less the
+worst, a measure of how far the local optima differ. The true bound may lie higher."""
 
 
 def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
