@@ -121,8 +121,9 @@ class Settings(BaseModel):
             return Settings.model_validate(dict(keywords))
         except ValidationError as error:
             first = error.errors()[0]
-            refusal = TypeError if first["type"] == "extra_forbidden" else ValueError
-            raise refusal(_explain(first)) from None
+            if first["type"] == "extra_forbidden":
+                raise TypeError(_explain(first)) from None
+            raise ValueError(_explain(first)) from None
 
     @property
     def base_controller(self) -> str | None:
