@@ -192,11 +192,15 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
 
     Args:
         folder: of the results.
-        names: tasks.
+        names: tasks; those that the combinator has not been run on are left out.
         found: results by name of their cells.
     """
+    names = [task for task in names if len(episodes_of(task, COMBINATOR, "", found))]
     table = table_of(names, found)
-    save(curves(names, found), folder / "figures" / "learners.png")
+    learned = [
+        task for task in names if any(len(episodes_of(task, a, "", found)) for a in ALGORITHMS)
+    ]
+    save(curves(learned, found), folder / "figures" / "learners.png")
     budget: dict[str, set[int]] = {}
     for key in found:
         algorithm = key.split("_")[0]
