@@ -18,8 +18,9 @@ from ..agents.evaluation.scores import bounds
 from ..agents.evaluation.sweeps import evaluate as evaluate_all
 from ..baselines.controller import Predictor
 from ..core.sweep import check_backend
-from ..envs import CLASSIC, DEFAULTS, FrigateEnv, SteeringEnv, get_task, tasks
+from ..envs import CLASSIC, DEFAULTS, get_task, tasks
 from ..envs.settings import EPISODE_S, LONGEST_S
+from ..envs.steering import kinds
 from ..observers import get_observer, observer_names
 from ..plant import get_sea
 from .console import (
@@ -166,8 +167,7 @@ def evaluate(
 
 
 def _last_frame(setting: Setting, controller: Predictor) -> np.ndarray:  # type: ignore[type-arg]
-    kind = SteeringEnv if get_task(setting.task).steered else FrigateEnv
-    env: FrigateEnv | SteeringEnv = kind(
+    env = kinds(get_task(setting.task).steered).single(
         ship=setting.vessel,
         task=setting.task,
         sea=None if setting.sea == "task" else setting.sea,

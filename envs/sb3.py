@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
-from .frigate import FrigateVectorEnv
 from .records import TRUTHS
 from .rewards import TERMS
-from .steering import SteeringVectorEnv
+from .steering import kinds
 
 
 class Sb3Frigates(VecEnv):
@@ -36,10 +35,7 @@ class Sb3Frigates(VecEnv):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        kind = SteeringVectorEnv if steered else FrigateVectorEnv
-        self.vector: FrigateVectorEnv | SteeringVectorEnv = kind(
-            num_envs, render_mode=render_mode, **options
-        )
+        self.vector = kinds(steered).vector(num_envs, render_mode=render_mode, **options)
         self.render_mode = render_mode
         self._seed: int | None = None
         self._action: Any = None

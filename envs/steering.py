@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from .frigate import FrigateEnv, FrigateVectorEnv
 
@@ -56,3 +56,19 @@ class SteeringVectorEnv(FrigateVectorEnv):
 
     steered: ClassVar[bool] = True
     defaults: ClassVar[dict[str, Any]] = _DEFAULTS
+
+
+class Kinds(NamedTuple):
+    """Environments of a task, by whether the rudder is an action."""
+
+    id: str
+    """Of the single environment in Gymnasium's registry."""
+    single: type[FrigateEnv]
+    vector: type[FrigateVectorEnv]
+
+
+def kinds(steered: bool) -> Kinds:
+    """Return the environments with the rudder among the actions, or without."""
+    if steered:
+        return Kinds("shaftline/Steering-v0", SteeringEnv, SteeringVectorEnv)
+    return Kinds("shaftline/Frigate-v0", FrigateEnv, FrigateVectorEnv)

@@ -60,8 +60,11 @@ WIDTHS = {
 }
 """Half widths of the domain randomisation: resistance, torque of the propeller, inertia."""
 
-KINDS = ("combinator", "va-pitch", "tuned va-pitch", "PPO")
-"""Controllers: the first two are computed from the ship file, the others searched or trained on it."""
+LEARNED = ("tuned va-pitch", "PPO")
+"""Controllers that are searched or trained on a ship."""
+
+KINDS = ("combinator", "va-pitch", *LEARNED)
+"""Controllers; the first two are computed from the ship file."""
 
 MADE_FOR = ("file", "corrected", "true")
 RANDOMISED = "randomised"
@@ -224,7 +227,7 @@ def run(
     cells = {
         f"learned_{kind}_{made}".replace("/", "-").replace(" ", "-"): (kind, made, folder)
         for kind in kinds
-        if kind in KINDS[2:]
+        if kind in LEARNED
         for made in ("file", *([RANDOMISED] if kind == "PPO" else []), *own)
     }
     texts = sweep(learned, cells, folder, jobs=jobs, tick=tick)
@@ -298,7 +301,7 @@ command the true ship in `{task}`: {episodes} episodes from seed {first}, return
 less that for the file's; the share is of the sums over the ships, with its 95 % interval over ships. A
 share means little where little is lost: then the controller's own feedback makes up for the ship."""
 
-_LEARNED = """ `PPO` is learned from nothing (increments) with the hyperparameters of the recipe and
+_PPO_TEXT = """ `PPO` is learned from nothing (increments) with the hyperparameters of the recipe and
 {steps:,} intervals, one training. `randomised`: PPO on the file's ship with resistance, torque of the
 propeller and inertia drawn anew each episode ({widths})."""
 
@@ -356,7 +359,7 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
     text = _TEXT.format(
         file=FILE, minutes=SECONDS / 60.0, task=TASK, episodes=EPISODES, first=FIRST_SEED,
         rounds=ROUNDS,
-        learned=_LEARNED.format(steps=STEPS, widths=widths) if "PPO" in kinds else "",
+        learned=_PPO_TEXT.format(steps=STEPS, widths=widths) if "PPO" in kinds else "",
     )  # fmt: skip
     parts = [
         text, markdown(shown), "![Lost and recovered](figures/diagnosed-ships.png)",

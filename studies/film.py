@@ -16,8 +16,8 @@ from ..agents.evaluation.controllers import load_controller
 from ..agents.evaluation.episodes import TRACE, Setting, run_episodes
 from ..core.files import write_atomically
 from ..display.figures import PALETTE
-from ..envs import FrigateVectorEnv
 from ..envs.settings import DEFAULTS
+from ..envs.steering import kinds
 from ..envs.tasks import get_task
 from ..plant.waves import field
 
@@ -118,7 +118,8 @@ def sailed(text: str, task: str, seed: int, observer: str) -> Run:
 
 def sea_of(task: str, seed: int, observer: str) -> Any:
     """SEA record that the seed draws."""
-    env = FrigateVectorEnv(1, task=task, observer=observer, threads=1)
+    steered = get_task(task).steered
+    env = kinds(steered).vector(1, task=task, observer=observer, threads=1)
     env.reset(seed=seed)
     return env.batch.arrays.seas[0].copy()
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from ...baselines.controller import OBSERVED, Predictor, readings
 from ...core.sweep import digest_of
-from ...envs import CLASSIC, DEFAULTS, FrigateVectorEnv, SteeringVectorEnv
+from ...envs import CLASSIC, DEFAULTS, FrigateVectorEnv
 from ...envs.records import TRUTHS
 from ...envs.settings import EPISODE_S
+from ...envs.steering import kinds
 from ...envs.tasks import Task, get_task
 from .kpis import EpisodeSums
 
@@ -101,8 +102,7 @@ def run_episodes(
         order [m/s], pitch ratio, rack [mm], the environment's ``TRUTHS``, estimate and its validity.
     """
     task = setting.task_model or get_task(setting.task)
-    kind = SteeringVectorEnv if task.steered else FrigateVectorEnv
-    env: FrigateVectorEnv | SteeringVectorEnv = kind(
+    env = kinds(task.steered).vector(
         setting.seeds,
         threads=threads,
         ship=setting.vessel,
@@ -142,7 +142,7 @@ def run_episodes(
     return sums.kpis(), np.array(trace, dtype=np.float64)
 
 
-def _measured(env: FrigateVectorEnv | SteeringVectorEnv) -> NDArray[np.float64]:
+def _measured(env: FrigateVectorEnv) -> NDArray[np.float64]:
     """Return the controllers' signals of all environments in physical units, shape (n, 8)."""
     return env.batch.signals[:, : len(OBSERVED)].astype(np.float64)
 

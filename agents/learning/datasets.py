@@ -17,7 +17,8 @@ import gymnasium
 import numpy as np
 
 from ...core.sizes import check_size
-from ...envs import DEFAULTS, FrigateVectorEnv, SteeringVectorEnv, get_task
+from ...envs import DEFAULTS, get_task
+from ...envs.steering import kinds
 from ..policy.policy import Policy, PolicyError, load_policy, trained
 
 QUALITIES = ("expert", "medium", "random")
@@ -77,10 +78,10 @@ def record(
     recorded = _sailed(
         policy, RANDOM_SHARE[quality], episodes, FIRST_SEED + seed * episodes, seed, tick
     )
-    kind = "Steering" if get_task(task).steered else "Frigate"
     env = gymnasium.make(
-        f"shaftline/{kind}-v0", task=task, ship=policy.about["ship_source"], **policy.interface
-    )
+        kinds(get_task(task).steered).id, task=task, ship=policy.about["ship_source"],
+        **policy.interface,
+    )  # fmt: skip
     buffers = [minari.data_collector.EpisodeBuffer(id=k, **one) for k, one in enumerate(recorded)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # it asks for an address and a link
@@ -103,8 +104,7 @@ def _sailed(
 ) -> list[dict[str, Any]]:
     """Return the episodes as keywords of Minari's ``EpisodeBuffer``."""
     task = policy.about["recipe"]["task"]
-    kind = SteeringVectorEnv if get_task(task).steered else FrigateVectorEnv
-    env: FrigateVectorEnv | SteeringVectorEnv = kind(
+    env = kinds(get_task(task).steered).vector(
         episodes, task=task, ship=policy.about["ship_source"], autoreset_mode="NextStep",
         **policy.interface,
     )  # fmt: skip

@@ -56,6 +56,12 @@ def _parts(text: str, task: Task) -> list[_Part]:
     return [_Part(*read_options(name)) for name in names]
 
 
+def _text_of(name: str, options: Mapping[str, float]) -> str:
+    """Return a controller as ``NAME:option=number,...``; the name alone without options."""
+    listed = ",".join(f"{key}={value:.{_DIGITS}g}" for key, value in options.items())
+    return f"{name}:{listed}" if listed else name
+
+
 def _free(
     parts: list[_Part], ranges: Mapping[str, tuple[float, float]] | None
 ) -> dict[tuple[int, str], tuple[float, float]]:
@@ -163,18 +169,7 @@ def _searched(
         options = [dict(part.given) for part in parts]
         for ((k, key), (low, high)), share in zip(free.items(), point, strict=True):
             options[k][key] = low + (high - low) * float(share)
-        return "+".join(
-            ":".join(
-                filter(
-                    None,
-                    [
-                        part.name,
-                        ",".join(f"{key}={value:.{_DIGITS}g}" for key, value in own.items()),
-                    ],
-                )
-            )
-            for part, own in zip(parts, options, strict=True)
-        )
+        return "+".join(_text_of(part.name, own) for part, own in zip(parts, options, strict=True))
 
     rng = np.random.default_rng(seed)
     search = cma.CMAEvolutionStrategy(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import yaml
 
+from ...envs.steering import kinds
 from ...envs.tasks import get_task
 from .policy import Policy
 
@@ -51,7 +52,7 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
         f"| {controller} | " + " | ".join(f"{row[one]:.1f}" for one in seas) + " |"
         for controller, row in returns.items()
     ]
-    environment = "SteeringEnv" if task.steered else "FrigateEnv"
+    environment = kinds(task.steered).single.__name__
     mode = str(policy.interface.get("action_mode"))
     base = mode.partition(":")[2]
     added = (
@@ -85,9 +86,7 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
             "",
             "```python",
             "from shaftline.agents import load_policy",
-            "from shaftline.envs import FrigateEnv"
-            if not task.steered
-            else "from shaftline.envs import SteeringEnv",
+            f"from shaftline.envs import {environment}",
             "",
             f'policy = load_policy("{name}")',
             f'env = {environment}(task="{recipe["task"]}", **policy.interface)',

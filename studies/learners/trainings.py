@@ -12,6 +12,7 @@ import numpy as np
 
 from ... import envs  # noqa: F401 (registers the environments)
 from ...envs import get_task
+from ...envs.steering import kinds
 from ...envs.tasks import HELD_OUT
 from .references import returns_of
 
@@ -66,8 +67,7 @@ class Trained:
 
 def model_of(learner: Learner) -> Any:
     """Return the untrained model: default hyperparameters, one environment, no base controller."""
-    kind = "Steering" if get_task(learner.task).steered else "Frigate"
-    env = gymnasium.make(f"shaftline/{kind}-v0", task=learner.task)
+    env = gymnasium.make(kinds(get_task(learner.task).steered).id, task=learner.task)
     keywords: dict[str, Any] = {"seed": learner.seed, "device": "cpu"}
     if learner.algorithm == "recurrent-ppo":
         from sb3_contrib import RecurrentPPO

@@ -149,7 +149,7 @@ def test_attributes_and_methods_are_the_vector_environments() -> None:
     assert envs.get_attr("num_envs", [0, 2]) == [3, 3]
     assert envs.get_attr("render_mode") == [None] * 3
     envs.set_attr("mark", 7)
-    assert envs.vector.mark == 7  # type: ignore[union-attr]
+    assert envs.vector.mark == 7  # type: ignore[attr-defined]
     found = envs.env_method("reset", seed=4, indices=[1])
     assert len(found) == 1
     assert np.array_equal(found[0][0], FrigateVectorEnv(3, max_episode_steps=8).reset(seed=4)[0])

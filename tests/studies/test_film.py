@@ -70,3 +70,9 @@ def test_what_cannot_be_filmed_is_refused(
     assert result.exit_code == 2
     assert words in " ".join(result.output.split())
     assert not list(tmp_path.iterdir())
+
+
+def test_a_task_with_a_rudder_can_be_filmed() -> None:
+    run = film.sailed("va-pitch", "track-keeping", 1, SEEN)
+    assert run.trace["ship_speed"].between(1.0, 12.0).all()
+    assert film.sea_of("track-keeping", 1, SEEN)["present"] != 0
