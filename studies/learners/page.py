@@ -69,6 +69,7 @@ def episodes_of(task: str, name: str, part: str, found: dict[str, Any]) -> NDArr
 def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
     """Return a row for each task and controller: return with its interval, score, gain, failures."""
     rows = []
+    known = {task: bound_of(task, found) for task in names}
     kinds = (*CONTROLLERS, *PREVIEWING, TUNED, *BLIND, *ALGORITHMS)
     for task, part, name in itertools.product(names, ("", f":{HELD_OUT}"), kinds):
         values = episodes_of(task, name, part, found)
@@ -77,7 +78,7 @@ def table_of(names: list[str], found: dict[str, Any]) -> pd.DataFrame:
             continue
         mean, low, high = middle_of_runs(values)
         gain, gain_low, gain_high = middle_of_runs(values - base)
-        bound = bound_of(task, found)
+        bound = known[task]
         steps = DEFAULTS.max_episode_steps or 1
         rows.append(
             {"task": f"{task}{part}", "controller": name, "trainings": len(values), "return": mean,
