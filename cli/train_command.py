@@ -18,6 +18,7 @@ from .training_options import (
     Device,
     Envs,
     OnDevice,
+    Plans,
     TaskName,
     TaskShip,
     Timesteps,
@@ -55,6 +56,7 @@ def train(
     ] = None,
     timesteps: Timesteps = None,
     envs: Envs = None,
+    plans: Plans = None,
     ship: TaskShip = None,
     device: OnDevice = Device.AUTO,
     sensor_noise: Annotated[
@@ -71,6 +73,10 @@ def train(
     The policy is evaluated several times during the training, on seas that training does not draw; each
     evaluation adds a row to the curve. The last policy is `policy.npz` in the output folder: one file
     with weights and the whole recipe, which runs without torch.
+
+    A recipe may begin with plans: episodes for which the best commands are searched while waves and
+    resistance are known. The policy imitates them, from its own observations, before it learns by
+    reinforcement. Plans take some seconds each; `--plans 0` leaves them out.
 
     Stop with Ctrl-C and give the same command again: the training resumes after the last evaluation and
     ends in the same policy as without the stop. Another recipe, seed or ship needs another folder.
@@ -99,7 +105,7 @@ def train(
         plan = read_recipe(
             algorithm, task, recipe,
             env_kwargs={key: value for key, value in given.items() if value is not None},
-            **sizes(timesteps, envs),
+            **sizes(timesteps, envs, plans),
         )  # fmt: skip
         folder = out or Path("out/train") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
@@ -135,7 +141,7 @@ def _evaluations(folder: Path) -> int:
 
 
 def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
-    """Print the curve, what learning added to a classic controller, and the next command."""
+    """Print the curve, the gain over the tuned classic controller, and the next command."""
     policy, task = load_policy(path), plan.task
     observer = plan.env_kwargs.get("observer", DEFAULTS.observer)
     curve = pd.DataFrame(policy.curve)
@@ -147,8 +153,8 @@ def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
     name, reference = training.reference(plan, policy.about["ship_source"])
     gained = curve["reward"].iloc[-1] - reference
     say(
-        f"in the episodes of the evaluations, {name} has a reward of {reference:.1f}: "
-        f"learning added {gained:+.1f} ({gained / abs(reference):+.1%})"
+        f"in the episodes of the evaluations, {name} has a reward of {reference:.1f}; the policy's "
+        f"is {gained:+.1f} from there ({gained / abs(reference):+.1%})"
     )
     say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
     say("compare it with a classic controller:")

@@ -30,6 +30,15 @@ Envs = Annotated[
     int | None,
     typer.Option(min=1, max=4096, help="Environments at once.", show_default="recipe's"),
 ]
+Plans = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=1000,
+        help="Episodes that are planned with waves known, and imitated before the learning.",
+        show_default="recipe's",
+    ),
+]
 TaskShip = Annotated[
     str | None,
     typer.Option(
@@ -39,9 +48,9 @@ TaskShip = Annotated[
 OnDevice = Annotated[Device, typer.Option(help="`auto` takes a GPU where there is one.")]
 
 
-def sizes(timesteps: int | None, envs: int | None) -> dict[str, int]:
-    """What of a recipe's sizes is given."""
-    given = {"n_timesteps": timesteps, "n_envs": envs}
+def sizes(timesteps: int | None, envs: int | None, plans: int | None) -> dict[str, int]:
+    """Return those of a recipe's sizes that are given."""
+    given = {"n_timesteps": timesteps, "n_envs": envs, "plans": plans}
     return {key: value for key, value in given.items() if value is not None}
 
 

@@ -17,6 +17,7 @@ from .training_options import (
     Device,
     Envs,
     OnDevice,
+    Plans,
     TaskName,
     TaskShip,
     Timesteps,
@@ -51,6 +52,7 @@ def tune_recipe(
     seed: Annotated[int, typer.Option(min=0, help="Equal seeds propose the same.")] = 0,
     timesteps: Timesteps = None,
     envs: Envs = None,
+    plans: Plans = None,
     ship: TaskShip = None,
     device: OnDevice = Device.AUTO,
     out: Annotated[
@@ -88,7 +90,7 @@ def tune_recipe(
         with needs("train", "a search"):
             from ..agents.learning.recipe import read_recipe
             from ..agents.learning.recipe_search import search_recipe
-        plan = read_recipe(algorithm, task, recipe, **sizes(timesteps, envs))
+        plan = read_recipe(algorithm, task, recipe, **sizes(timesteps, envs, plans))
         folder = out or Path("out/tune") / f"{task}-{algorithm}-{seed}"
         check_folder(folder)
         check_device(device)

@@ -41,6 +41,9 @@ _ENVIRONMENT = (
 _ON_TUNED = "residual:tuned"
 """Action mode of a recipe: a residual on the tuned classic controller of the task."""
 
+_RACKS = ("limited-rack", "fuel-rack")
+"""Second commands that a plan gives."""
+
 _RANGES = {
     "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0), "learning_rate": (0.0, 10.0), "tau": (0.0, 1.0),
     "clip_range": (0.0, 10.0), "n_steps": (0.0, 1e9), "batch_size": (0.0, 1e9), "n_epochs": (0.0, 1e6),
@@ -68,6 +71,12 @@ class Recipe(FileModel):
     policy: Literal["MlpPolicy"] = "MlpPolicy"
     frame_stack: int = Field(
         1, ge=1, le=MOST_FRAMES, description="observations that the policy sees, the last ones"
+    )
+    plans: int = Field(
+        default=0,
+        ge=0,
+        le=1000,
+        description="episodes that are planned, and imitated before the learning",
     )
     evaluations: int = Field(10, ge=1, description="evaluations, at each of which it is saved")
     env_kwargs: dict[str, Any] = Field(default_factory=dict)
@@ -114,6 +123,22 @@ class Recipe(FileModel):
         widths = [float(n) for n in layers if isinstance(n, int | float)]
         weights = sum(a * b for a, b in itertools.pairwise([256.0, *widths, 256.0]))
         check_size(weights, _BYTES_A_WEIGHT, "weights of a network (net_arch)")
+        return self
+
+    @model_validator(mode="after")
+    def _imitable(self) -> Recipe:
+        """Refuse plans that the policy could not follow."""
+        if not self.plans:
+            return self
+        mode, command = self.env_kwargs.get("action_mode"), self.env_kwargs.get("command")
+        if self.algorithm != "ppo" or mode != "absolute" or command not in _RACKS:
+            raise ValueError(
+                f"plans = {self.plans}: a plan is absolute commands of the fuel rack, which PPO "
+                "imitates; it needs algorithm ppo and env_kwargs: {action_mode: absolute, command: "
+                f"limited-rack}}, not {self.algorithm} with {mode} and {command}"
+            )
+        if get_task(self.task).steered:
+            raise ValueError(f"plans = {self.plans}: no plan has the rudder that {self.task} needs")
         return self
 
 

@@ -225,8 +225,8 @@ def search_recipe(
             tick(before * recipe.n_timesteps + min(done, all_steps), total, said)
 
         return train(
-            plans, one, at / str(one), ship=vessel, device=device, threads=threads, tick=on_the_way,
-            **more,
+            plans, one, at / str(one), ship=vessel, device=device, threads=threads,
+            plan_folder=folder / "plans", tick=on_the_way, **more,
         )  # fmt: skip
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)

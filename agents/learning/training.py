@@ -39,7 +39,8 @@ from ..evaluation.episodes import Setting, run_episodes
 from ..evaluation.statistics import interquartile_mean
 from ..policy.policy import INTERFACE, Network, Policy, layout
 from .checkpoints import Checkpoints
-from .recipe import Recipe, RecipeError
+from .imitation import demonstrations, imitate, plans
+from .recipe import Recipe, RecipeError, tuned_controller
 
 EVALUATION_EPISODES = 24
 FIRST_EVALUATION_SEED = 500_000
@@ -51,6 +52,7 @@ _SHOWN = ("reward", "fuel_kg_nmi", "speed_error_rms_m_s", "torque_sd_kN_m", "fai
 
 _SOURCES = (
     "core", "plant", "observers", "baselines", "envs", "agents/learning", "agents/policy",
+    "agents/evaluation/clairvoyant.py",
 )  # fmt: skip
 """What decides a training's result."""
 
@@ -209,6 +211,7 @@ def train(
     ship: str | None = None,
     device: str = "auto",
     threads: int | None = None,
+    plan_folder: str | Path | None = None,
     tick: Tick = lambda done, total, said: None,
     after_evaluation: Callable[[list[float]], None] | None = None,
 ) -> Path:
@@ -222,6 +225,8 @@ def train(
         device: of torch; ``auto`` takes a GPU where there is one.
         threads: of torch and of the environments; the machine's by default. The environments' change no
             result.
+        plan_folder: of the plans that the recipe imitates, so that several trainings share them;
+            ``plans`` in the training's folder by default.
         tick: called with the steps done, all steps, and the last evaluation in words.
         after_evaluation: called with the rewards of all evaluations so far, once the last is saved; an
             exception ends the training there.
@@ -255,6 +260,8 @@ def train(
     write_json(note, plan)  # only now is it known that it can begin
     if progress.evaluations:
         progress.resume(model)
+    elif recipe.plans:
+        _imitate_plans(model, recipe, ship, Path(plan_folder or folder / "plans"), threads, tick)
     formats = ["csv"]
     try:
         import tensorboard  # noqa: F401
@@ -290,6 +297,22 @@ def train(
                 after_evaluation([row["reward"] for row in progress.evaluations])
     tick(recipe.n_timesteps, recipe.n_timesteps, said[0])
     return progress.finish()
+
+
+def _imitate_plans(
+    model: Any, recipe: Recipe, ship: str, folder: Path, jobs: int | None, tick: Tick
+) -> None:
+    """Make the plans of a recipe, and fit the model to them."""
+    made = 0
+
+    def count() -> None:
+        nonlocal made
+        made += 1
+        tick(0, recipe.n_timesteps, f"{made} of {recipe.plans} plans")
+
+    planned = plans(recipe, ship, folder, jobs, count)
+    tick(0, recipe.n_timesteps, "imitating the plans")
+    imitate(model, demonstrations(recipe, ship, planned))
 
 
 def evaluations_of(recipe: Recipe) -> tuple[int, int]:
@@ -328,8 +351,8 @@ def about_training(recipe: Recipe, seed: int, ship: str, batch: Batch) -> dict[s
 def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[str, float]:
     """Return the name and the reward of the controller that a policy of a recipe has to beat.
 
-    It is the base controller of a residual and the combinator otherwise, in the episodes of the
-    evaluations.
+    It is the base controller of a residual and the tuned controller of the task otherwise, in the
+    episodes of the evaluations.
 
     Args:
         recipe: of the training.
@@ -339,11 +362,11 @@ def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[st
     task, interval = get_task(recipe.task), DEFAULTS.control_interval_s
     mode = str(recipe.env_kwargs.get("action_mode", DEFAULTS.action_mode))
     base = DEFAULTS.model_copy(update={"action_mode": mode}).base_controller
-    name = base or "combinator"
+    name = base or tuned_controller(recipe.task)
     if task.steered and "+" not in name:
         name = f"{task.helmsman}+{name}"
     controller = controller_for(task, name, task.sailed(ship), interval, task.steered)
-    words = f"the base controller {name}" if base else f"the {name}"
+    words = f"the base controller {name}" if base else f"the tuned classic controller {name}"
     return words, judged(controller, recipe, ship, threads)["reward"]
 
 

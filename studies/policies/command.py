@@ -11,11 +11,13 @@ import argparse
 import shutil
 from pathlib import Path
 
+from ...agents.learning.imitation import plans
+from ...agents.learning.recipe import read_recipe
 from ...agents.policy.card import card
 from ...agents.policy.policy import load_policy, trained_folder
 from ...core.files import read_json, write_text
 from ...core.sweep import SweepError, sweep
-from ...envs import tasks
+from ...envs import get_task, tasks
 from . import page
 from .trainings import classic_cell, policy_cell
 
@@ -56,6 +58,9 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         if not options.page_only:
             sweep(classic_cell, classic, kept, jobs=options.jobs, tick=tick)
+            for task in options.task:
+                recipe = read_recipe("ppo", task)
+                plans(recipe, get_task(task).vessel, kept / "plans", options.jobs, tick)
             sweep(policy_cell, policies, kept, jobs=options.jobs, tick=tick)
             print()
     except SweepError as error:

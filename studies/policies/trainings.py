@@ -31,7 +31,10 @@ def policy_cell(cell: tuple[str, int, Path]) -> dict[str, Any]:
     """Train the recipe of a task with a seed, or resume it, and judge the policy."""
     task, seed, folder = cell
     recipe = read_recipe("ppo", task)
-    file = train(recipe, seed, folder / "trainings" / f"{task}-{seed}", device="cpu", threads=1)
+    file = train(
+        recipe, seed, folder / "trainings" / f"{task}-{seed}", device="cpu", threads=1,
+        plan_folder=folder / "plans",
+    )  # fmt: skip
     return judged(load_policy(file), task)
 
 

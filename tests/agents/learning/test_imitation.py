@@ -1,0 +1,178 @@
+"""Plans are made once, sailed as a policy sees them, and imitated before the learning."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shaftline.agents import RecipeError, load_policy, read_recipe, train
+from shaftline.agents.learning import imitation
+from shaftline.agents.learning.imitation import FIRST_SEED, Demonstrations, imitate, plans
+from shaftline.agents.learning.recipe import Recipe, tuned_controller
+from shaftline.agents.learning.training import built, digest
+from shaftline.agents.policy.policy import Policy
+from shaftline.baselines import make_controller
+from shaftline.envs import FrigateEnv, get_task
+
+from ..tiny import interrupted_after_an_evaluation, plain_policy, recipe
+
+STEPS = 40
+RACK: dict[str, Any] = {
+    "action_mode": "absolute", "command": "limited-rack", "max_episode_steps": STEPS,
+}  # fmt: skip
+TASK, SHIP = "transit", "frigate"
+
+
+def planned_recipe(**changes: Any) -> Recipe:
+    return recipe(plans=2, env_kwargs=RACK, **changes)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Plans that the tests share."""
+    return tmp_path_factory.mktemp("plans")
+
+
+@pytest.fixture(scope="module")
+def made(folder: Path) -> dict[int, Any]:
+    return plans(planned_recipe(), SHIP, folder, jobs=1)
+
+
+def sailed(seed: int, choose: Any, **more: Any) -> float:
+    env = FrigateEnv(task=TASK, **RACK | more)
+    seen, _ = env.reset(seed=seed)
+    total = 0.0
+    for k in range(STEPS):
+        seen, reward, *_ = env.step(choose(k, seen))
+        total += float(reward)
+    return total
+
+
+def test_a_plan_earns_more_than_the_controller_that_it_starts_from(made: dict[int, Any]) -> None:
+    assert list(made) == [FIRST_SEED, FIRST_SEED + 1]
+    for seed, actions in made.items():
+        assert actions.shape == (40, 2)
+        controller = make_controller(tuned_controller(TASK), get_task(TASK).sailed(), 0.5)
+        memory: list[Any] = [None]
+
+        def tuned(k: int, seen: Any, memory: Any = memory, controller: Any = controller) -> Any:
+            action, memory[0] = controller.predict(seen[None], memory[0], np.array([k == 0]))
+            return action[0]
+
+        planned = sailed(seed, lambda k, _, actions=actions: actions[k])
+        classic = sailed(seed, tuned, normalised=False, observer="none", command="fuel-rack")
+        assert planned > 1.03 * classic
+
+
+def test_plans_are_made_once_whatever_the_instruments(
+    made: dict[int, Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(imitation, "plan_cell", None)  # nothing is planned any more
+    other = recipe(plans=2, frame_stack=4, env_kwargs=RACK | {"observer": "none"})
+    again = plans(other, SHIP, folder, jobs=1)
+    for seed, actions in made.items():
+        np.testing.assert_array_equal(again[seed], actions)
+
+
+def test_returns_are_discounted_and_continued_beyond_the_time_limit(made: dict[int, Any]) -> None:
+    plan = planned_recipe(hyperparameters={"gamma": 0.9})
+    shown = imitation.demonstrations(plan, SHIP, made)
+    env = FrigateEnv(task=TASK, **RACK)
+    env.reset(seed=FIRST_SEED)
+    rewards = [float(env.step(action)[1]) for action in made[FIRST_SEED]]
+    expected: float = sum(0.9**k * reward for k, reward in enumerate(rewards))
+    follows = sum(rewards) / STEPS / 0.1
+    expected += 0.9**STEPS * follows
+    assert shown.returns[0] == pytest.approx(expected, rel=1e-5)
+    assert shown.returns[39] == pytest.approx(rewards[39] + 0.9 * follows, rel=1e-5)
+    assert len(shown.returns) == 80
+
+
+def test_a_failed_episode_earns_nothing_behind_its_end() -> None:
+    plan = planned_recipe(hyperparameters={"gamma": 0.9}).model_copy(
+        update={"env_kwargs": RACK | {"command": "fuel-rack"}}
+    )
+    stall = np.tile(np.array([1.0, -1.0], np.float32), (40, 1))  # full pitch and no fuel
+    shown = imitation.demonstrations(plan, SHIP, {FIRST_SEED: stall})
+    assert len(shown.returns) < 40
+    assert shown.returns[-1] == 0.0
+
+
+def test_observations_are_stacked_as_a_policy_stacks_them(made: dict[int, Any]) -> None:
+    plan = planned_recipe(frame_stack=3)
+    shown = imitation.demonstrations(plan, SHIP, {FIRST_SEED: made[FIRST_SEED]})
+    fields = {"frame_stack": 3, "action_mode": "absolute", "command": "limited-rack"}
+    policy = plain_policy(TASK, **fields)
+    env = FrigateEnv(task=TASK, **RACK)
+    seen, _ = env.reset(seed=FIRST_SEED)
+    state = None
+    for k in range(5):
+        _, state = policy.predict(seen[None], state, np.array([k == 0]))
+        np.testing.assert_array_equal(shown.observations[k], state[0])
+        seen, *_ = env.step(made[FIRST_SEED][k])
+
+
+def test_an_imitation_commands_what_was_shown_and_values_what_followed() -> None:
+    model, venv, _ = built(planned_recipe(hyperparameters={"n_steps": 16}), 0, SHIP, "cpu", 1)
+    width = venv.observation_space.shape[0]
+    rng = np.random.default_rng(0)
+    seen = rng.uniform(-1.0, 1.0, (2000, width)).astype(np.float32)
+    wanted = np.column_stack([0.5 * seen[:, 0], -0.3 * seen[:, 1]])
+    shown = Demonstrations(seen, wanted, 100.0 + 50.0 * seen[:, 2])
+    error = imitate(model, shown)
+    assert error < 1e-3 < 0.1 * float(np.mean(wanted**2))
+    chosen, _ = model.predict(seen[:50], deterministic=True)
+    np.testing.assert_allclose(chosen, wanted[:50], atol=0.1)
+    value = model.policy.predict_values(model.policy.obs_to_tensor(seen[:200])[0])
+    assert np.corrcoef(value.detach().numpy()[:, 0], seen[:200, 2])[0, 1] > 0.9
+    venv.close()
+
+
+def test_a_training_with_plans_repeats_and_resumes(folder: Path, tmp_path: Path) -> None:
+    keywords: Any = {"device": "cpu", "threads": 1, "plan_folder": folder}
+    whole = train(planned_recipe(), 3, tmp_path / "whole", **keywords)
+    interrupted_after_an_evaluation(planned_recipe(), 3, tmp_path / "again")
+    assert len(json.loads((tmp_path / "again/curve.json").read_text())) == 1
+    resumed = train(planned_recipe(), 3, tmp_path / "again", **keywords)
+    assert digest(whole) == digest(resumed)
+    without = train(recipe(env_kwargs=RACK), 3, tmp_path / "without", device="cpu", threads=1)
+    assert digest(without) != digest(whole)
+    assert load_policy(whole).about["recipe"]["plans"] == 2
+
+
+def test_progress_tells_how_many_plans_are_made(tmp_path: Path, folder: Path) -> None:
+    told: list[str] = []
+    train(
+        planned_recipe(), 3, tmp_path, device="cpu", threads=1, plan_folder=folder,
+        tick=lambda done, total, said: told.append(said),
+    )  # fmt: skip
+    assert told[:3] == ["1 of 2 plans", "2 of 2 plans", "imitating the plans"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"action_mode": "increment"}, "not ppo with increment and limited-rack"),
+        ({"command": "shaft-speed"}, "not ppo with absolute and shaft-speed"),
+    ],
+)
+def test_a_policy_that_cannot_follow_a_plan_is_refused(changes: Any, reason: str) -> None:
+    with pytest.raises(RecipeError, match=f"plans = 4: .*{reason}"):
+        read_recipe("ppo", TASK, plans=4, env_kwargs=RACK | changes)
+
+
+def test_a_task_with_a_rudder_has_no_plan() -> None:
+    with pytest.raises(RecipeError, match="no plan has the rudder that course-keeping needs"):
+        read_recipe("ppo", "course-keeping", plans=4, env_kwargs=RACK)
+
+
+def test_the_policy_runs_without_the_plans(folder: Path, tmp_path: Path) -> None:
+    policy = load_policy(
+        train(planned_recipe(), 0, tmp_path, device="cpu", threads=1, plan_folder=folder)
+    )
+    assert isinstance(policy, Policy)
+    assert policy.interface["command"] == "limited-rack"
