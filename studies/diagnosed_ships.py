@@ -23,7 +23,6 @@ from matplotlib.figure import Figure
 
 from ..agents.evaluation.controllers import load_controller
 from ..agents.evaluation.episodes import Setting, run_episodes
-from ..agents.learning.recipe import read_recipe
 from ..agents.learning.training import train
 from ..agents.learning.tuning import tune
 from ..core.sweep import SweepError, sweep
@@ -37,6 +36,7 @@ from ..proof.cases import Case, conceal, draw_case
 from ..proof.equivalents import comparable
 from ..proof.reality.effects import EFFECTS, FRIGATE
 from ..proof.recording import make_sized
+from .policies.trainings import FROM_NOTHING, from_nothing
 
 TASK, FILE = "speed-keeping", "frigate"
 SEED, SHIPS = 3400, 10
@@ -174,10 +174,8 @@ def learned(cell: tuple[str, str, Path]) -> dict[str, Any]:
     kind, made_for, folder = cell
     ship = ship_of(made_for, folder)
     if kind == "PPO":
-        kwargs: dict[str, Any] = {"action_mode": "increment"}
-        if made_for == RANDOMISED:
-            kwargs["randomise"] = WIDTHS
-        recipe = read_recipe("ppo", TASK, n_timesteps=STEPS, evaluations=1, env_kwargs=kwargs)
+        drawn = {"randomise": WIDTHS} if made_for == RANDOMISED else {}
+        recipe = from_nothing(TASK, drawn, n_timesteps=STEPS, evaluations=1)
         place = folder / "trainings" / made_for.replace("/", "-")
         policy = train(recipe, TRAINING_SEED, place, ship=ship, device="cpu", threads=1)
         return {"controller": f"policy:{policy}"}
@@ -301,9 +299,9 @@ command the true ship in `{task}`: {episodes} episodes from seed {first}, return
 less that for the file's; the share is of the sums over the ships, with its 95 % interval over ships. A
 share means little where little is lost: then the controller's own feedback makes up for the ship."""
 
-_PPO_TEXT = """ `PPO` is learned from nothing (increments) with the hyperparameters of the recipe and
-{steps:,} intervals, one training. `randomised`: PPO on the file's ship with resistance, torque of the
-propeller and inertia drawn anew each episode ({widths})."""
+_PPO_TEXT = """ `PPO` is learned from nothing (increments) with the hyperparameters of the recipe of
+`{nothing}` and {steps:,} intervals, one training. `randomised`: PPO on the file's ship with resistance,
+torque of the propeller and inertia drawn anew each episode ({widths})."""
 
 _THREE = """\
 ## The same on a ship of yours, in three commands
@@ -356,10 +354,11 @@ def write(folder: Path, ships: Mapping[str, Any], table: pd.DataFrame) -> Path:
     order = [f"{kind}, {made}" for kind in kinds for made in MADE_FOR]
     save(drawn_figure(table), folder / "figures" / f"{NAME}.png")
     widths = ", ".join(f"`{key}` ±{100.0 * width:.0f} %" for key, width in WIDTHS.items())
+    ppo = _PPO_TEXT.format(steps=STEPS, widths=widths, nothing=FROM_NOTHING)
     text = _TEXT.format(
         file=FILE, minutes=SECONDS / 60.0, task=TASK, episodes=EPISODES, first=FIRST_SEED,
         rounds=ROUNDS,
-        learned=_PPO_TEXT.format(steps=STEPS, widths=widths) if "PPO" in kinds else "",
+        learned=ppo if "PPO" in kinds else "",
     )  # fmt: skip
     parts = [
         text, markdown(shown), "![Lost and recovered](figures/diagnosed-ships.png)",

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..agents.evaluation.controllers import label, load_controller
 from ..agents.evaluation.episodes import Setting
 from ..agents.evaluation.sweeps import episodes
-from ..agents.learning.recipe import Recipe, read_recipe
+from ..agents.learning.recipe import Recipe
 from ..baselines.controller import Predictor
 from ..core.sweep import digest_of, source_digest, sweep
 from ..display import figures
@@ -28,12 +28,16 @@ from ..display.tables import markdown, write_table
 from ..envs.settings import DEFAULTS, noise_of
 from ..envs.tasks import HELD_OUT, get_task
 from .observer_ranking import WRONG
+from .policies.trainings import FROM_NOTHING, from_nothing
 
-TASK = "rough-sea"
-NONE = "none"
-OBSERVERS = (NONE, "random-walk-kalman", "luenberger", "immersion-invariance", "oracle")
+TASK, PREVIEW = "rough-sea", "wave-preview"
+"""The same seas without and with a sensor at the bow that tells the inflow of the next 6 s."""
+
+NONE, ORACLE = "none", "oracle"
+OBSERVERS = (NONE, "random-walk-kalman", "luenberger", "immersion-invariance", ORACLE)
 HISTORIES = (1, 8)
-RUNS, EPISODES, FIRST_SEED = 8, 60, 900_000
+RUNS, STEPS = 5, 1_000_000
+EPISODES, FIRST_SEED = 60, 900_000
 NOISY = 4.0
 """Times the torque gauge's usual noise."""
 
@@ -41,7 +45,7 @@ KPI = "reward"
 NOISE_OF_RUNS = 0.9
 """Standard deviation between runs [% of the reward]: ten trainings of an earlier recipe of the task."""
 LEVEL, POWER = 0.05, 0.8
-FAMILY = len(HISTORIES) * (len(OBSERVERS) - 1)
+FAMILY = len(HISTORIES) * (len(OBSERVERS) - 1) + 1
 
 
 def detectable(deviation: float = NOISE_OF_RUNS) -> float:
@@ -51,10 +55,13 @@ def detectable(deviation: float = NOISE_OF_RUNS) -> float:
         deviation: standard deviation between runs [%].
     """
     freedom = 2 * RUNS - 2
-    found = scipy.stats.t.ppf(1.0 - 0.5 * LEVEL / FAMILY, freedom) + scipy.stats.t.ppf(
-        POWER, freedom
-    )
-    return float(found * deviation * np.sqrt(2.0 / RUNS))
+    limit = scipy.stats.t.ppf(1.0 - 0.5 * LEVEL / FAMILY, freedom)
+
+    def missing(shift: float) -> float:
+        return float(scipy.stats.nct.sf(limit, freedom, shift)) - POWER
+
+    shift = scipy.optimize.brentq(missing, 0.0, 20.0)
+    return float(shift * deviation * np.sqrt(2.0 / RUNS))
 
 
 DESIGN = f"""\
@@ -64,9 +71,11 @@ Written before anything was trained.
   both see shaft speed, torque, pitch and rack, from which an estimate is made?
 - **Arms**: observers {", ".join(f"`{name}`" for name in OBSERVERS)} (with `{NONE}` the estimate is
   marked as not valid), each with the last {" and ".join(map(str, HISTORIES))} observations:
-  {len(OBSERVERS) * len(HISTORIES)} arms of {RUNS} trainings, equal seeds in all. The
-  hyperparameters are the package's for `{TASK}`; the policies command increments, with no base
-  controller.
+  {len(OBSERVERS) * len(HISTORIES)} arms of {RUNS} trainings, equal seeds in all. Two more have the
+  preview of `{PREVIEW}`, one observation, and the estimate of `{ORACLE}` or none. The
+  hyperparameters are those of `{FROM_NOTHING}`, over {STEPS:,} control intervals; the policies command
+  increments, with no base controller and no plans, which would bring an estimate of their own.
+- **Memory**: eight observations stand for it. Recurrent policies are left out: policy files hold none.
 - **Judged** on {EPISODES} episodes of the held-out seas, the same for all, by the task's reward: with
   the usual noise; with {NOISY:g} times the torque gauge's noise; with KQ up to 5 % off, in each episode
   by another amount. The same policies in all three: nothing is trained again.
@@ -103,16 +112,29 @@ class Arm(NamedTuple):
 
     observer: str
     history: int
+    preview: bool = False
+
+    @property
+    def task(self) -> str:
+        """Name of the task that it is trained and judged on."""
+        return PREVIEW if self.preview else TASK
+
+    @property
+    def words(self) -> str:
+        """Label of a figure."""
+        return f"{self.observer}, {'preview' if self.preview else self.history}"
 
     def recipe(self, **changes: Any) -> Recipe:
-        """Of its trainings."""
-        return read_recipe(
-            "ppo", TASK, env_kwargs={"observer": self.observer, "action_mode": "increment"},
-            frame_stack=self.history, **changes,
-        )  # fmt: skip
+        """Return the recipe of its trainings."""
+        fields = {"frame_stack": self.history, "n_timesteps": STEPS} | changes
+        return from_nothing(self.task, {"observer": self.observer}, **fields)
 
 
-ARMS = tuple(itertools.starmap(Arm, itertools.product(OBSERVERS, HISTORIES)))
+ARMS = (
+    *itertools.starmap(Arm, itertools.product(OBSERVERS, HISTORIES)),
+    Arm(NONE, 1, preview=True),
+    Arm(ORACLE, 1, preview=True),
+)
 
 
 def _trained(cell: tuple[Recipe, int, str]) -> str:
@@ -129,7 +151,7 @@ def trained(folder: Path, jobs: int | None, **changes: Any) -> dict[Arm, list[Pa
     for seed, arm in itertools.product(range(1, RUNS + 1), ARMS):
         recipe = arm.recipe(**changes)
         version = digest_of(f"{source} {recipe.model_dump_json()}")
-        cells[f"{arm.observer}-{arm.history}-{seed}-{version}"] = (arm, recipe, seed)
+        cells[f"{arm.task}-{arm.observer}-{arm.history}-{seed}-{version}"] = (arm, recipe, seed)
     paths = sweep(
         _trained,
         {name: (recipe, seed, str(folder / name)) for name, (_, recipe, seed) in cells.items()},
@@ -153,7 +175,7 @@ def judged(
             keys.append((condition.words, arm))
             settings.append(
                 Setting(
-                    name, f"{TASK}:{HELD_OUT}", "task", arm.observer, seeds,
+                    name, f"{arm.task}:{HELD_OUT}", "task", arm.observer, seeds,
                     sensor_noise=condition.sensor_noise, first_seed=FIRST_SEED,
                     randomise=condition.wrong,
                 )
@@ -176,7 +198,7 @@ def table_of(values: dict[tuple[str, Arm], NDArray[np.float64]]) -> pd.DataFrame
     """
     rows = []
     for (condition, arm), own in values.items():
-        without = values[condition, Arm(NONE, arm.history)]
+        without = values[condition, arm._replace(observer=NONE)]
         scale = 100.0 / abs(float(without.mean()))
         gain = scale * float(own.mean() - without.mean())
         spread = scale * float(np.sqrt(np.var(own, ddof=1) / RUNS + np.var(without, ddof=1) / RUNS))
@@ -207,7 +229,7 @@ def shown(table: pd.DataFrame) -> pd.DataFrame:
     """Arms as rows, conditions as columns."""
     rows = []
     for arm in ARMS:
-        mine = table[(table["observer"] == arm.observer) & (table["history"] == arm.history)]
+        mine = table[(table[list(Arm._fields)] == list(arm)).all(axis=1)]
         row: dict[str, Any] = arm._asdict()
         for _, one in mine.iterrows():
             text = f"{one[KPI]:.1f}"
@@ -227,14 +249,15 @@ def drawn(table: pd.DataFrame) -> Figure:
     drawn, axes = figures.new_figure(1, len(names), (3.2 * len(names) + 1.5, 3.4))
     arms = [arm for arm in ARMS if arm.observer != NONE][::-1]
     for axis, name in zip(axes[0], names, strict=True):
-        part = table[table["condition"] == name].set_index(["observer", "history"])
+        part = table[table["condition"] == name].set_index(list(Arm._fields))
         rows = part.loc[[tuple(arm) for arm in arms]]
         ends = [rows["gain_percent"] - rows["gain_low"], rows["gain_high"] - rows["gain_percent"]]
         axis.axvspan(-2.0, 2.0, color="0.93")
         axis.axvline(0.0, color="0.4", linewidth=0.8)
         axis.errorbar(rows["gain_percent"], np.arange(len(arms)), xerr=ends, fmt="o", markersize=4)
-        words = [f"{arm.observer}, {arm.history}" for arm in arms]
-        axis.set_yticks(np.arange(len(arms)), words if axis is axes[0, 0] else [])
+        axis.set_yticks(
+            np.arange(len(arms)), [arm.words for arm in arms] if axis is axes[0, 0] else []
+        )
         axis.set_title(name, fontsize=9)
         axis.set_xlabel("reward gained over none [%]", fontsize=8)
         axis.tick_params(labelsize=8)
@@ -266,7 +289,7 @@ def main(arguments: list[str] | None = None) -> None:
         options.out, "observer-features", "Observers as features",
         "python -m shaftline.studies.observer_features --out docs/results", table,
         "## Design\n\n" + DESIGN + "\n\n## Found\n\n"
-        "Mean reward of an arm; in brackets its gain over the same history without an estimate, with "
+        "Mean reward of an arm; in brackets its gain over the same arm without an estimate, with "
         "the interval and what the design says of it. Between runs the deviation was "
         f"{spread:.2f} %, so {detectable(spread):.1f} % could be found.\n\n"
         + markdown(shown(table)) + "\n\n![Gains](figures/observer-features.png)",

@@ -81,7 +81,7 @@ def _shown(table: pd.DataFrame, part: str) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "task": rows["task"],
-            "action mode": [_mode(task) for task in rows["task"]],
+            "begins as": [_mode(task) for task in rows["task"]],
             "trainings": rows["trainings"],
             **{name: [f"{x:.1f}" for x in rows[name]] for name in (*CLASSIC, "policy")},
             "policy less tuned controller": [
@@ -97,9 +97,10 @@ def _shown(table: pd.DataFrame, part: str) -> pd.DataFrame:
 
 
 def _mode(task: str) -> str:
-    """Return the action mode of a task's recipe, without the constants of a base controller."""
-    mode = read_recipe("ppo", task).env_kwargs.get("action_mode", DEFAULTS.action_mode)
-    return ":".join(str(mode).split(":")[:1])
+    """Return how a task's recipe begins: its action mode, and plans where it imitates any."""
+    recipe = read_recipe("ppo", task)
+    mode = str(recipe.env_kwargs.get("action_mode", DEFAULTS.action_mode)).partition(":")[0]
+    return f"{mode}, {recipe.plans} plans" if recipe.plans else mode
 
 
 def won(table: pd.DataFrame) -> list[str]:
@@ -132,10 +133,11 @@ _TEXT = """\
 The recipe of each task (`agents/learning/recipes/ppo.yml`), chosen once on the task's own seas: its mean
 over the trainings, none of which is chosen, beside the classic controllers. `tuned controller` is the
 best classic law that `shaftline tune` found for the task. In the mode `residual` a policy adds to the
-commands of that tuned controller, so the gain is what learning added; in the mode `increment` or
-`absolute` it was learned from nothing. The gain is given with its 95 % interval over trainings and
-episodes together, and as a share of the score (0 the combinator, 1 the clairvoyant bound of
-[standard learners](learners.md)), where the task has a bound.
+commands of that tuned controller, so the gain is what learning added. With plans it first imitated
+[plans](../train.md#imitate-plans-first) that begin from that controller; the trainings of a task share
+them. In the mode `increment` it was learned from nothing. The gain is given with its 95 % interval over
+trainings and episodes together, and as a share of the score (0 the combinator, 1 the clairvoyant bound
+of [standard learners](learners.md)), where the task has a bound.
 
 {notes}
 

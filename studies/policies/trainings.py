@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...agents.learning.recipe import read_recipe
+from ...agents.learning.recipe import Recipe, read_recipe
 from ...agents.learning.training import train
 from ...agents.policy.policy import load_policy
 from ...envs.tasks import HELD_OUT
@@ -17,6 +18,22 @@ BLOCKS = {
     "held-out": (f":{HELD_OUT}", FIRST_SEED),
 }
 """Parts of the judging: behind the task's name, and first seed."""
+
+
+FROM_NOTHING = "track-keeping"
+"""Task whose recipe has neither plans nor a base controller."""
+
+
+def from_nothing(task: str, env_kwargs: Mapping[str, Any], **changes: Any) -> Recipe:
+    """Return a recipe that learns increments from nothing, with the hyperparameters of the package.
+
+    Args:
+        task: name.
+        env_kwargs: keywords of the environment beside the action mode.
+        changes: other fields of the recipe.
+    """
+    given = {"task": task, "env_kwargs": {**env_kwargs, "action_mode": "increment"}} | changes
+    return Recipe.model_validate(read_recipe("ppo", FROM_NOTHING).model_dump() | given)
 
 
 def judged(controller: Any, task: str) -> dict[str, Any]:

@@ -29,7 +29,7 @@ def test_gains_are_of_the_same_history_and_their_intervals_are_welch_s() -> None
     values = {(words, arm): rng.normal(-600.0, 3.0, study.RUNS) for arm in ARMS}
     better = Arm("luenberger", 8)
     values[words, better] = values[words, better] + 60.0
-    table = study.table_of(values).set_index(["observer", "history"])
+    table = study.table_of(values).set_index(list(Arm._fields))
     row = table.loc[tuple(better)]
     own, without = values[words, better], values[words, Arm(NONE, 8)]
     scale = 100.0 / abs(without.mean())
@@ -40,7 +40,7 @@ def test_gains_are_of_the_same_history_and_their_intervals_are_welch_s() -> None
         (scale * interval.low, scale * interval.high)
     )
     assert row["said"] == "gain"
-    assert table.loc[(NONE, 1), "said"] == ""
+    assert table.loc[tuple(Arm(NONE, 1)), "said"] == ""
     assert len(study.shown(study.table_of(values))) == len(ARMS)
 
 
