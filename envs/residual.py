@@ -81,6 +81,11 @@ class BaseController:
         """Return the base commands with an action added, as absolute actions in [-1, 1]."""
         return np.clip(self._action + 2.0 * REACH * action, -1.0, 1.0).astype(np.float32)
 
+    def towards(self, wanted: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the actions with which :meth:`add` comes nearest to absolute actions."""
+        reached = (wanted - self._action) / (2.0 * REACH)
+        return np.clip(reached, -1.0, 1.0).astype(np.float32)
+
     def _show(self, signals: NDArray[np.float32]) -> None:
         """Write the base commands in physical units into the signals."""
         columns = slice(_FIRST_BASE_COMMAND, _FIRST_BASE_COMMAND + self._action.shape[1])

@@ -50,7 +50,7 @@ class Demonstrations(NamedTuple):
 
     Args:
         observations: stacked as the policy sees them, shape (n, width).
-        actions: of the plans, shape (n, 2).
+        actions: with which the environment follows the plans, shape (n, 2).
         returns: discounted sums of the rewards that follow, shape (n,).
     """
 
@@ -136,7 +136,9 @@ def demonstrations(
         stack = np.zeros((recipe.frame_stack, len(seen)), np.float32)
         rewards: list[float] = []
         terminated = False
-        for action in commands:
+        for planned_action in commands:
+            base = env.batch.base
+            action = planned_action if base is None else base.towards(planned_action[None])[0]
             stack = np.concatenate([stack[1:], seen[None]])
             observations.append(stack.ravel())
             actions.append(action)

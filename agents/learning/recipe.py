@@ -27,6 +27,7 @@ from ...core.files import FileError, read_text, reason_of
 from ...core.models import FileModel
 from ...core.sizes import check_size
 from ...envs import get_task
+from ...envs.settings import Settings
 from ...observers import ObserverError, get_observer
 from ..policy.policy import MOST_FRAMES
 
@@ -40,9 +41,6 @@ _ENVIRONMENT = (
 
 _ON_TUNED = "residual:tuned"
 """Action mode of a recipe: a residual on the tuned classic controller of the task."""
-
-_RACKS = ("limited-rack", "fuel-rack")
-"""Second commands that a plan gives."""
 
 _RANGES = {
     "gamma": (0.0, 1.0), "gae_lambda": (0.0, 1.0), "learning_rate": (0.0, 10.0), "tau": (0.0, 1.0),
@@ -130,12 +128,13 @@ class Recipe(FileModel):
         """Refuse plans that the policy could not follow."""
         if not self.plans:
             return self
-        mode, command = self.env_kwargs.get("action_mode"), self.env_kwargs.get("command")
-        if self.algorithm != "ppo" or mode != "absolute" or command not in _RACKS:
+        env = Settings.of({"task": self.task} | self.env_kwargs)
+        mode, command = env.action_mode.partition(":")[0], env.drive_command
+        if self.algorithm != "ppo" or mode == "increment" or command == "shaft-speed":
             raise ValueError(
-                f"plans = {self.plans}: a plan is absolute commands of the fuel rack, which PPO "
-                "imitates; it needs algorithm ppo and env_kwargs: {action_mode: absolute, command: "
-                f"limited-rack}}, not {self.algorithm} with {mode} and {command}"
+                f"plans = {self.plans}: a plan is commands of pitch and fuel rack, which PPO imitates; "
+                "it needs algorithm ppo and env_kwargs: {action_mode: absolute, command: limited-rack} "
+                f"or a residual, not {self.algorithm} with {mode} and {command}"
             )
         if get_task(self.task).steered:
             raise ValueError(f"plans = {self.plans}: no plan has the rudder that {self.task} needs")

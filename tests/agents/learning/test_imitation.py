@@ -176,3 +176,19 @@ def test_the_policy_runs_without_the_plans(folder: Path, tmp_path: Path) -> None
     )
     assert isinstance(policy, Policy)
     assert policy.interface["command"] == "limited-rack"
+
+
+def test_a_residual_follows_a_plan_within_its_reach(made: dict[int, Any]) -> None:
+    mode = f"residual:{tuned_controller(TASK)}"
+    plan = recipe(plans=2, env_kwargs={"action_mode": mode, "max_episode_steps": STEPS})
+    shown = imitation.demonstrations(plan, SHIP, {FIRST_SEED: made[FIRST_SEED]})
+    env = FrigateEnv(task=TASK, action_mode=mode, max_episode_steps=STEPS)
+    env.reset(seed=FIRST_SEED)
+    for k in range(STEPS):
+        base = env.batch.base
+        assert base is not None
+        given = base.add(shown.actions[k][None])[0]
+        inside = np.abs(shown.actions[k]) < 1.0
+        np.testing.assert_allclose(given[inside], made[FIRST_SEED][k][inside], atol=1e-5)
+        env.step(shown.actions[k])
+    assert np.mean(np.abs(shown.actions) < 1.0) > 0.5
