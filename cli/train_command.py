@@ -151,10 +151,10 @@ def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
     print_table(shown, f"{folder}: evaluations; the last policy is kept")
     say(f"{curve['seconds'].iloc[-1] / 60.0:.1f} minutes")
     name, reference = training.reference(plan, policy.about["ship_source"])
-    gained = curve["reward"].iloc[-1] - reference
+    own = curve["reward"].iloc[-1]
     say(
-        f"in the episodes of the evaluations, {name} has a reward of {reference:.1f}; the policy's "
-        f"is {gained:+.1f} from there ({gained / abs(reference):+.1%})"
+        f"reward in the episodes of the evaluations: the policy {own:.1f}, {name} {reference:.1f} "
+        f"({(own - reference) / abs(reference):+.1%})"
     )
     say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
     say("compare it with a classic controller:")

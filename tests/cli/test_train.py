@@ -56,7 +56,8 @@ def test_a_policy_is_trained_and_evaluated(
     first = shaftline(*arguments)
     assert first.exit_code == 0, first.output
     assert "evaluations; the last policy is kept" in first.output
-    assert "the tuned classic controller va-pitch" in first.output
+    assert "the policy " in first.output
+    assert ", the tuned classic controller va-pitch" in first.output
     assert f"--controller policy:{out / 'policy.npz'} --controller combinator" in first.output
     assert "--observer luenberger" in first.output
     policy = load_policy(out / "policy.npz")

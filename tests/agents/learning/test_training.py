@@ -14,6 +14,7 @@ import torch
 from shaftline.agents import Setting, load_policy, run_episodes, train
 from shaftline.agents.evaluation.statistics import interquartile_mean
 from shaftline.agents.learning import training
+from shaftline.agents.learning.recipe import tuned_controller
 from shaftline.agents.learning.training import (
     Falling,
     _built,
@@ -149,9 +150,13 @@ def test_a_steered_task_is_trained_with_its_rudder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("task", "mode", "words"),
     [
-        ("transit", "increment", "the combinator"),
+        ("transit", "increment", f"the tuned classic controller {tuned_controller('transit')}"),
         ("transit", "residual:va-pitch", "the base controller va-pitch"),
-        ("course-keeping", "absolute", "the autopilot+combinator"),
+        (
+            "course-keeping",
+            "absolute",
+            f"the tuned classic controller {tuned_controller('course-keeping')}",
+        ),
     ],
 )
 def test_learning_is_compared_with_a_controller_in_the_same_episodes(
