@@ -36,7 +36,7 @@ TASK, PREVIEW = "rough-sea", "wave-preview"
 NONE, ORACLE = "none", "oracle"
 OBSERVERS = (NONE, "random-walk-kalman", "luenberger", "immersion-invariance", ORACLE)
 HISTORIES = (1, 8)
-RUNS, STEPS = 5, 1_000_000
+RUNS, STEPS = 5, 600_000
 EPISODES, FIRST_SEED = 60, 900_000
 NOISY = 4.0
 """Times the torque gauge's usual noise."""

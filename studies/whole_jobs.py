@@ -86,7 +86,9 @@ def measure() -> list[tuple[str, float]]:
         fouled_recording(recording)
         sail = (*COMMAND, "simulate", "--case", "jonswap", "--out", str(folder / "run.csv"))
         asked = ("--ship", "frigate", "--out", str(folder / "diagnosis"))
-        learn = ("--task", "rough-sea", "--timesteps", "20000", "--envs", "32", "--out")
+        learn = (
+            "--task", "rough-sea", "--timesteps", "20000", "--envs", "32", "--plans", "0", "--out",
+        )  # fmt: skip
         timed(sail)
         return [
             ("`shaftline --help`", timed((*COMMAND, "--help"), _SHORT_REPEATS)),
