@@ -55,12 +55,20 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
     environment = kinds(task.steered).single.__name__
     mode = str(policy.interface.get("action_mode"))
     base = mode.partition(":")[2]
-    added = (
-        f"It adds to the commands of a classic controller, `{base}`, so its worth is what stands above "
-        "that row."
-        if base
-        else "It was learned from nothing, with no classic controller underneath."
-    )
+    plans = recipe.get("plans", 0)
+    began = []
+    if base:
+        began.append(
+            f"It adds to the commands of a classic controller, `{base}`, so its worth is what stands "
+            "above that row."
+        )
+    if plans:
+        began.append(
+            f"It imitated plans of {plans} episodes, made with waves and resistance known, before it "
+            "learned on."
+        )
+    if not began:
+        began.append("It was learned from nothing, with no classic controller underneath.")
     return "\n".join(
         [
             "---",
@@ -70,7 +78,7 @@ def card(name: str, policy: Policy, returns: Mapping[str, Mapping[str, float]], 
             "",
             f"A policy of [shaftline](https://pypi.org/project/shaftline/) for the task "
             f"`{recipe['task']}`: {task.description}. Ship: `{about['layout']['ship']}`; a command "
-            f"every {policy.interval_s:g} s. {added}",
+            f"every {policy.interval_s:g} s. {' '.join(began)}",
             "",
             f"{recipe['algorithm'].upper()} of stable-baselines3, "
             + ", ".join(f"{key} {recipe[key]:,}" for key in _KEYS)

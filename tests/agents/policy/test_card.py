@@ -47,7 +47,9 @@ def test_what_a_policy_was_learned_on_is_said(name: str) -> None:
     _, text = head_and_text(name)
     base = str(policy.interface["action_mode"]).partition(":")[2]
     assert (f"a classic controller, `{base}`" in text) == bool(base)
-    assert ("learned from nothing" in text) == (not base)
+    plans = policy.about["recipe"].get("plans", 0)
+    assert (f"imitated plans of {plans} episodes" in text) == (plans > 0)
+    assert ("learned from nothing" in text) == (not base and not plans)
 
 
 @pytest.mark.parametrize("name", sorted(trained()))
