@@ -30,8 +30,9 @@ NOTES = (
 _WON = 0.1  # of the score, which a policy has to gain over the tuned controller
 _FIGURES = {
     "fuel_kg_nmi": "fuel [kg/nmi]", "speed_error_rms_m_s": "speed error, rms [m/s]",
-    "speed_short_m_s": "order less speed, mean [m/s]", "wave_torque_kN_m": "gauge in waves [kN m]",
-    "wave_engine_torque_kN_m": "engine in waves [kN m]",
+    "speed_short_m_s": "order less speed, mean [m/s]",
+    "wave_torque_kN_m": "shaft torque in waves [kN m]",
+    "wave_engine_torque_kN_m": "engine torque in waves [kN m]",
     "heading_error_rms_deg": "heading error, rms [deg]", "track_error_rms_m": "track error, rms [m]",
 }  # fmt: skip
 
@@ -113,17 +114,21 @@ def won(table: pd.DataFrame) -> list[str]:
 
 
 def figures(found: Mapping[str, Any]) -> pd.DataFrame:
-    """Return physical figures of policy and tuned controller in the training's seas, task by task."""
+    """Return physical figures of policy, tuned controller and va-pitch, seas of the training."""
     rows = []
     for task in tasks(None):
         cells = [v for k, v in found.items() if k.startswith(f"policy_{task}_")]
         if not cells:
             continue
-        tuned = found[f"classic_{task}_{TUNED}".replace(" ", "-")]["training"]["kpis"]
+        classic = [
+            found[f"classic_{task}_{name}".replace(" ", "-")]["training"]["kpis"]
+            for name in (TUNED, VA_PITCH)
+        ]
         row: dict[str, Any] = {"task": task}
         for name, words in _FIGURES.items():
             own = float(np.mean([cell["training"]["kpis"][name] for cell in cells]))
-            row[words] = f"{own:.3g} / {tuned[name]:.3g}" if own or tuned[name] else "–"
+            shown = [own, *(kpis[name] for kpis in classic)]
+            row[words] = " / ".join(f"{value:.3g}" for value in shown) if any(shown) else "–"
         failed = float(np.mean([cell["training"]["failed"] for cell in cells]))
         rows.append(row | {"failed": f"{failed:.3g}"})
     return pd.DataFrame(rows)
@@ -164,7 +169,7 @@ def write(folder: Path, found: Mapping[str, Any]) -> Path:
         body += [f"## {title}", markdown(_shown(table, part))]
     body += [
         "## In physical units",
-        "Policy / tuned controller, seas of the training.",
+        "Policy / tuned controller / va-pitch, seas of the training.",
         markdown(figures(found)),
     ]
     write_table(folder, NAME, "The policies of the package", COMMAND, table, "\n\n".join(body))

@@ -69,5 +69,5 @@ def test_the_page_stands_with_every_part(tmp_path: Path) -> None:
     for title in ("Seas of the training", "A second block of seeds", "Held-out seas"):
         assert f"## {title}" in text
     assert "`storm` reach it" in text
-    assert "| storm | residual | 2 | 300.0 | 360.0 | 380.0 | 440.0 | +60.0 (" in text
-    assert "2 / 2" in text
+    assert "| storm | residual, 32 plans | 2 | 300.0 | 360.0 | 380.0 | 440.0 | +60.0 (" in text
+    assert "2 / 2 / 2" in text
