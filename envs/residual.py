@@ -82,9 +82,9 @@ class BaseController:
         return np.clip(self._action + 2.0 * REACH * action, -1.0, 1.0).astype(np.float32)
 
     def towards(self, wanted: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the actions with which :meth:`add` comes nearest to absolute actions."""
+        """Return the actions for which :meth:`add` returns absolute actions, clipped to [-1, 1]."""
         reached = (wanted - self._action) / (2.0 * REACH)
-        return np.clip(reached, -1.0, 1.0).astype(np.float32)
+        return np.asarray(np.clip(reached, -1.0, 1.0), dtype=np.float32)
 
     def _show(self, signals: NDArray[np.float32]) -> None:
         """Write the base commands in physical units into the signals."""

@@ -1,11 +1,12 @@
-"""Imitation: a policy that begins as what it can tell of plans that know everything.
+"""Imitation of clairvoyant plans before reinforcement learning.
 
-A plan of an episode (:class:`..evaluation.clairvoyant.Clairvoyant`) knows waves and resistance before
-they come. Its commands are sailed in the environment of the recipe, with noise and observer, and the
-network of the policy is fitted to them, given only what a policy observes: behaviour cloning of a
-privileged expert (Chen et al. 2020, *Learning by cheating*). What cannot be observed is averaged out.
-The value function is fitted to the discounted rewards. PPO goes on from there, as in guided policy
-search (Levine and Koltun 2013): the plans show manoeuvres that exploration at random does not find.
+A clairvoyant plan (:class:`..evaluation.clairvoyant.Clairvoyant`) is the sequence of commands of an
+episode, optimised while waves and resistance are known in advance. The plans are simulated in the
+environment of the recipe, with sensor noise and observer. The policy network is fitted to the commands
+as a function of the observations alone (behaviour cloning of a privileged expert: Chen et al. 2020,
+*Learning by cheating*), so it averages over everything that it cannot observe. The value network is
+fitted to the discounted rewards. PPO then continues from these networks, as in guided policy search
+(Levine and Koltun 2013). The plans contain manoeuvres that random exploration does not find.
 """
 
 from __future__ import annotations
@@ -27,31 +28,31 @@ from ..evaluation.clairvoyant import Clairvoyant
 from .recipe import Recipe, tuned_controller
 
 FIRST_SEED = 600_000
-"""Of the planned episodes; apart from those of training, evaluations and comparisons."""
+"""First seed of the planned episodes. Training, evaluations and comparisons use other seeds."""
 
 GRADIENTS = 60
-"""Most gradients for each order of a plan; from 40 on a plan gains a few per cent at most."""
+"""Limit of gradient evaluations for each order of a plan. More (100 instead of 40) gain 1 to 3 %."""
 
 EPOCHS, BATCH, RATE = 150, 512, 1e-3
-"""Of the fit: passes over all intervals, intervals for each step, and Adam's step size."""
+"""Settings of the fit: passes over all intervals, batch size, and learning rate of Adam."""
 
 _SOURCES = ("core", "plant", "baselines", "envs", "agents/evaluation/clairvoyant.py")
-"""What decides a plan."""
+"""Source folders and files on which a plan depends."""
 
 _DECIDE_A_PLAN = ("task", "ship", "sea", "max_episode_steps", "randomise")
-"""Keywords of the environment on which a plan depends: it reads no instrument."""
+"""Keywords of the environment on which a plan depends. It uses no measurement."""
 
-_VALUE_WEIGHT = 1e-4  # returns are of the order of 100, commands of 1
-_TAIL = 100  # intervals whose mean reward continues an episode that its time limit ends
+_VALUE_WEIGHT = 1e-4  # because returns are of the order of 100 and actions of the order of 1
+_TAIL = 100  # intervals whose mean reward extrapolates the reward beyond the time limit
 
 
 class Demonstrations(NamedTuple):
-    """Intervals of planned episodes.
+    """Observations, actions and returns of the control intervals of planned episodes.
 
     Args:
-        observations: stacked as the policy sees them, shape (n, width).
-        actions: with which the environment follows the plans, shape (n, 2).
-        returns: discounted sums of the rewards that follow, shape (n,).
+        observations: policy inputs, stacked over ``frame_stack`` intervals, shape (n, width).
+        actions: actions with which the environment follows the plans, shape (n, 2).
+        returns: discounted sums of the later rewards, shape (n,).
     """
 
     observations: NDArray[np.float32]
@@ -60,11 +61,11 @@ class Demonstrations(NamedTuple):
 
 
 def plan_cell(cell: tuple[Mapping[str, Any], str, int]) -> list[list[float]]:
-    """Return the actions of a plan as JSON allows.
+    """Return the actions of one plan as nested lists, which JSON can store.
 
     Args:
-        cell: keywords of the environment, the controller whose commands the plan starts from, and the
-            seed of the episode.
+        cell: keywords of the environment, controller whose commands initialise the plan, and seed of the
+            episode.
     """
     keywords, start, seed = cell
     settings = Settings.of(keywords)
@@ -74,28 +75,28 @@ def plan_cell(cell: tuple[Mapping[str, Any], str, int]) -> list[list[float]]:
     return [[float(value) for value in action] for action in plan.actions]
 
 
-def plans(
+def make_plans(
     recipe: Recipe,
     ship: str,
     folder: Path,
     jobs: int | None = None,
     tick: Callable[[], None] = lambda: None,
 ) -> dict[int, NDArray[np.float32]]:
-    """Plan the episodes that a recipe imitates, or read those that stand in the folder.
+    """Optimise the plans that a recipe imitates, or read the plans that a folder already holds.
 
     Args:
-        recipe: whose ``plans`` is their number.
+        recipe: recipe; ``recipe.plans`` is the number of plans.
         ship: preset or path.
-        folder: where each plan is kept as soon as it is made.
-        jobs: processes; one for each core by default.
-        tick: called for each plan.
+        folder: folder in which each plan is stored when it is finished.
+        jobs: number of processes; one for each core by default.
+        tick: function called after each plan.
 
     Returns:
         Actions by seed, each of shape (intervals, 2).
 
     Raises:
-        RecipeError: the task has no tuned controller to start from.
-        SweepError: plans that failed, as for a ship whose pitch is fixed; the message says which.
+        RecipeError: the task has no tuned controller to initialise a plan.
+        SweepError: some plans failed, for example because the ship has a fixed pitch.
     """
     keywords = {
         key: value for key, value in _environment(recipe, ship).items() if key in _DECIDE_A_PLAN
@@ -112,19 +113,22 @@ def plans(
 
 
 def _environment(recipe: Recipe, ship: str) -> dict[str, Any]:
-    """Return the keywords of the environment that a recipe trains in."""
+    """Return the keywords of the training environment."""
     return {"task": recipe.task, "ship": ship, **recipe.env_kwargs}
 
 
-def demonstrations(
+def demonstrate(
     recipe: Recipe, ship: str, planned: Mapping[int, NDArray[np.float32]]
 ) -> Demonstrations:
-    """Sail plans in the environment of a recipe, and return what a policy observes on the way.
+    """Simulate plans in the training environment and record observations, actions and returns.
+
+    With a residual action mode an action is the difference from the base controller, clipped to its
+    range.
 
     Args:
-        recipe: of the training.
+        recipe: recipe of the training.
         ship: preset or path.
-        planned: actions by seed.
+        planned: actions of the plans by seed, from :func:`make_plans`.
     """
     gamma = float(recipe.hyperparameters.get("gamma", 0.99))
     env = kinds(get_task(recipe.task).steered).single(**_environment(recipe, ship))
@@ -161,14 +165,14 @@ def demonstrations(
 
 
 def imitate(model: Any, shown: Demonstrations) -> float:
-    """Fit the policy and the value function of a PPO model to demonstrations.
+    """Fit the policy network and the value network of a PPO model to demonstrations.
 
     Args:
-        model: of stable-baselines3; changed in place, its optimiser begins anew.
-        shown: what is fitted.
+        model: PPO model of stable-baselines3; its networks are changed in place.
+        shown: demonstrations.
 
     Returns:
-        Mean squared error of the actions in the last pass [-].
+        Mean squared error of the actions in the last pass over the demonstrations [-].
     """
     policy = model.policy
     seen, wanted, worth = (torch.as_tensor(part, device=policy.device) for part in shown)

@@ -39,7 +39,7 @@ from ..evaluation.episodes import Setting, run_episodes
 from ..evaluation.statistics import interquartile_mean
 from ..policy.policy import INTERFACE, Network, Policy, layout
 from .checkpoints import Checkpoints
-from .imitation import demonstrations, imitate, plans
+from .imitation import demonstrate, imitate, make_plans
 from .recipe import Recipe, RecipeError, tuned_controller
 
 EVALUATION_EPISODES = 24
@@ -225,8 +225,8 @@ def train(
         device: of torch; ``auto`` takes a GPU where there is one.
         threads: of torch and of the environments; the machine's by default. The environments' change no
             result.
-        plan_folder: of the plans that the recipe imitates, so that several trainings share them;
-            ``plans`` in the training's folder by default.
+        plan_folder: folder of the plans that the recipe imitates, which several trainings may share;
+            the subfolder ``plans`` of ``folder`` by default.
         tick: called with the steps done, all steps, and the last evaluation in words.
         after_evaluation: called with the rewards of all evaluations so far, once the last is saved; an
             exception ends the training there.
@@ -302,7 +302,7 @@ def train(
 def _imitate_plans(
     model: Any, recipe: Recipe, ship: str, folder: Path, jobs: int | None, tick: Tick
 ) -> None:
-    """Make the plans of a recipe, and fit the model to them."""
+    """Make the plans of a recipe and fit the networks of a model to them."""
     made = 0
 
     def count() -> None:
@@ -310,9 +310,9 @@ def _imitate_plans(
         made += 1
         tick(0, recipe.n_timesteps, f"{made} of {recipe.plans} plans")
 
-    planned = plans(recipe, ship, folder, jobs, count)
+    planned = make_plans(recipe, ship, folder, jobs, count)
     tick(0, recipe.n_timesteps, "imitating the plans")
-    imitate(model, demonstrations(recipe, ship, planned))
+    imitate(model, demonstrate(recipe, ship, planned))
 
 
 def evaluations_of(recipe: Recipe) -> tuple[int, int]:

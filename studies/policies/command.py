@@ -11,7 +11,7 @@ import argparse
 import shutil
 from pathlib import Path
 
-from ...agents.learning.imitation import plans
+from ...agents.learning.imitation import make_plans
 from ...agents.learning.recipe import read_recipe
 from ...agents.policy.card import card
 from ...agents.policy.policy import load_policy, trained_folder
@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> None:
             sweep(classic_cell, classic, kept, jobs=options.jobs, tick=tick)
             for task in options.task:
                 recipe = read_recipe("ppo", task)
-                plans(recipe, get_task(task).vessel, kept / "plans", options.jobs, tick)
+                make_plans(recipe, get_task(task).vessel, kept / "plans", options.jobs, tick)
             sweep(policy_cell, policies, kept, jobs=options.jobs, tick=tick)
             print()
     except SweepError as error:

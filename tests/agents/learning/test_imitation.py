@@ -11,7 +11,7 @@ import pytest
 
 from shaftline.agents import RecipeError, load_policy, read_recipe, train
 from shaftline.agents.learning import imitation
-from shaftline.agents.learning.imitation import FIRST_SEED, Demonstrations, imitate, plans
+from shaftline.agents.learning.imitation import FIRST_SEED, Demonstrations, imitate, make_plans
 from shaftline.agents.learning.recipe import Recipe, tuned_controller
 from shaftline.agents.learning.training import built, digest
 from shaftline.agents.policy.policy import Policy
@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def made(folder: Path) -> dict[int, Any]:
-    return plans(planned_recipe(), SHIP, folder, jobs=1)
+    return make_plans(planned_recipe(), SHIP, folder, jobs=1)
 
 
 def sailed(seed: int, choose: Any, **more: Any) -> float:
@@ -73,14 +73,14 @@ def test_plans_are_made_once_whatever_the_instruments(
 ) -> None:
     monkeypatch.setattr(imitation, "plan_cell", None)  # nothing is planned any more
     other = recipe(plans=2, frame_stack=4, env_kwargs=RACK | {"observer": "none"})
-    again = plans(other, SHIP, folder, jobs=1)
+    again = make_plans(other, SHIP, folder, jobs=1)
     for seed, actions in made.items():
         np.testing.assert_array_equal(again[seed], actions)
 
 
 def test_returns_are_discounted_and_continued_beyond_the_time_limit(made: dict[int, Any]) -> None:
     plan = planned_recipe(hyperparameters={"gamma": 0.9})
-    shown = imitation.demonstrations(plan, SHIP, made)
+    shown = imitation.demonstrate(plan, SHIP, made)
     env = FrigateEnv(task=TASK, **RACK)
     env.reset(seed=FIRST_SEED)
     rewards = [float(env.step(action)[1]) for action in made[FIRST_SEED]]
@@ -97,14 +97,14 @@ def test_a_failed_episode_earns_nothing_behind_its_end() -> None:
         update={"env_kwargs": RACK | {"command": "fuel-rack"}}
     )
     stall = np.tile(np.array([1.0, -1.0], np.float32), (40, 1))  # full pitch and no fuel
-    shown = imitation.demonstrations(plan, SHIP, {FIRST_SEED: stall})
+    shown = imitation.demonstrate(plan, SHIP, {FIRST_SEED: stall})
     assert len(shown.returns) < 40
     assert shown.returns[-1] == 0.0
 
 
 def test_observations_are_stacked_as_a_policy_stacks_them(made: dict[int, Any]) -> None:
     plan = planned_recipe(frame_stack=3)
-    shown = imitation.demonstrations(plan, SHIP, {FIRST_SEED: made[FIRST_SEED]})
+    shown = imitation.demonstrate(plan, SHIP, {FIRST_SEED: made[FIRST_SEED]})
     fields = {"frame_stack": 3, "action_mode": "absolute", "command": "limited-rack"}
     policy = plain_policy(TASK, **fields)
     env = FrigateEnv(task=TASK, **RACK)
@@ -181,7 +181,7 @@ def test_the_policy_runs_without_the_plans(folder: Path, tmp_path: Path) -> None
 def test_a_residual_follows_a_plan_within_its_reach(made: dict[int, Any]) -> None:
     mode = f"residual:{tuned_controller(TASK)}"
     plan = recipe(plans=2, env_kwargs={"action_mode": mode, "max_episode_steps": STEPS})
-    shown = imitation.demonstrations(plan, SHIP, {FIRST_SEED: made[FIRST_SEED]})
+    shown = imitation.demonstrate(plan, SHIP, {FIRST_SEED: made[FIRST_SEED]})
     env = FrigateEnv(task=TASK, action_mode=mode, max_episode_steps=STEPS)
     env.reset(seed=FIRST_SEED)
     for k in range(STEPS):
