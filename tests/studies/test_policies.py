@@ -64,10 +64,18 @@ def test_a_task_is_won_by_a_tenth_of_the_score_in_every_part(
     assert page.won(page.table_of(found(gain, held_out))) == expected
 
 
+@pytest.mark.parametrize(("gain", "expected"), [(60.0, ["storm"]), (30.0, [])])
+def test_the_whole_interval_counts_where_it_is_asked_for(gain: float, expected: list[str]) -> None:
+    table = page.table_of(found(gain))  # two trainings that differ by 4 leave +-25
+    assert page.won(table) == ["storm"]
+    assert page.won_wholly(table) == expected
+
+
 def test_the_page_stands_with_every_part(tmp_path: Path) -> None:
     text = page.write(tmp_path, found(60.0)).read_text(encoding="utf-8")
     for title in ("Seas of the training", "A second block of seeds", "Held-out seas"):
         assert f"## {title}" in text
-    assert "`storm` reach it" in text
+    assert "Reached in: `storm`." in text
+    assert "exceeds a tenth of the score in:\n`storm`." in text
     assert "| storm | residual, 32 plans | 2 | 300.0 | 360.0 | 380.0 | 440.0 | +60.0 (" in text
     assert "2 / 2 / 2" in text
