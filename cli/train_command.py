@@ -120,7 +120,12 @@ def train(
                     tick=lambda done, total, said: tick(said, done, total),
                 )  # fmt: skip
         except KeyboardInterrupt:
-            say(f"stopped after {_evaluations(folder)} evaluations; the same command resumes there")
+            kept = len(list((folder / "plans").glob("*.json")))
+            plans_too = f" and {kept} plans" if kept else ""
+            say(
+                f"stopped after {_evaluations(folder)} evaluations{plans_too}; the same command resumes "
+                "there"
+            )
             raise typer.Exit(130) from None
         if before == _evaluations(folder):
             say("nothing was left to do")
@@ -149,6 +154,8 @@ def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
     shown["steps"] = shown["steps"].astype(int)
     shown.insert(0, "evaluation", range(1, len(curve) + 1))
     print_table(shown, f"{folder}: evaluations; the last policy is kept")
+    if plan.plans:
+        say("evaluation 1, after no step, is that of the imitated plans")
     say(f"{curve['seconds'].iloc[-1] / 60.0:.1f} minutes")
     name, reference = training.reference(plan, policy.about["ship_source"])
     own = curve["reward"].iloc[-1]
@@ -159,6 +166,8 @@ def _print(path: Path, folder: Path, plan: Any, training: Any) -> None:
     say(f"policy: {path}   curve: {folder / 'curve.json'}   log: {folder / 'log'}")
     say("compare it with a classic controller:")
     other = "" if observer == DEFAULTS.observer else f" --observer {observer}"
+    ship = policy.about["ship_source"]
+    other += "" if ship == get_task(task).vessel else f" --ship {ship}"
     say(
         f"  shaftline evaluate --controller policy:{path} --controller combinator-trimmed "
         f"--task {task}{other}"

@@ -254,7 +254,15 @@ def refuse_another(folder: Path, note: Path, plan: Mapping[str, Any], what: str)
     kept = read_json(note)
     for key, value in json.loads(json.dumps(plan)).items():
         if kept.get(key) != value:
-            both = "" if isinstance(value, dict) else f" ({kept.get(key)}, now {value})"
             raise ValueError(
-                f"{folder}: holds a {what} of another {key}{both}; remove it or give another folder"
+                f"{folder}: holds a {what} of another {key} ({_difference(kept.get(key), value)}); "
+                "remove it or give another folder"
             )
+
+
+def _difference(kept: Any, now: Any) -> str:
+    """Return the first values that differ between two plans, with their key where they are nested."""
+    if isinstance(kept, dict) and isinstance(now, dict):
+        key = next(key for key in {**kept, **now} if kept.get(key) != now.get(key))
+        return f"{key}: {_difference(kept.get(key), now.get(key))}"
+    return f"{kept}, now {now}"

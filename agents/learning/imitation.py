@@ -24,11 +24,12 @@ from ...core.sweep import digest_of, source_digest, sweep
 from ...envs import DEFAULTS, get_task
 from ...envs.settings import Settings
 from ...envs.steering import kinds
+from ...plant import load_ship
 from ..evaluation.clairvoyant import Clairvoyant
-from .recipe import Recipe, tuned_controller
+from .recipe import Recipe, RecipeError, tuned_controller
 
 FIRST_SEED = 600_000
-"""First seed of the planned episodes. Training, evaluations and comparisons use other seeds."""
+"""First seed of the planned episodes (1000 at most). Nothing else draws these seeds."""
 
 GRADIENTS = 60
 """Limit of gradient evaluations for each order of a plan. More (100 instead of 40) gain 1 to 3 %."""
@@ -96,20 +97,59 @@ def make_plans(
 
     Raises:
         RecipeError: the task has no tuned controller to initialise a plan.
-        SweepError: some plans failed, for example because the ship has a fixed pitch.
+        SweepError: some plans failed; the message names them.
+        ValueError: a file of the folder holds no plan of this recipe.
     """
     keywords = {
         key: value for key, value in _environment(recipe, ship).items() if key in _DECIDE_A_PLAN
     }
     start = tuned_controller(recipe.task)
-    seeds = range(FIRST_SEED, FIRST_SEED + recipe.plans)
-    version = digest_of(f"{keywords} {start} {GRADIENTS} {source_digest(*_SOURCES)}")
-    cells = {f"plan-{version}-{seed}": (keywords, start, seed) for seed in seeds}
-    found = sweep(plan_cell, cells, folder, jobs=jobs, tick=tick)
-    return {
-        seed: np.array(actions, dtype=np.float32).reshape(-1, 2)
-        for seed, actions in zip(seeds, found.values(), strict=True)
+    content = repr(load_ship(ship))  # a ship file may change under the same path
+    version = digest_of(
+        f"{keywords | {'ship': content}} {start} {GRADIENTS} {source_digest(*_SOURCES)}"
+    )
+    cells = {
+        f"plan-{version}-{seed}": (keywords, start, seed)
+        for seed in range(FIRST_SEED, FIRST_SEED + recipe.plans)
     }
+    found = sweep(plan_cell, cells, folder, jobs=jobs, tick=tick)
+    intervals = Settings.of(keywords).max_episode_steps or 0
+    return {
+        cells[name][2]: _checked(actions, folder / f"{name}.json", intervals)
+        for name, actions in found.items()
+    }
+
+
+def check_plannable(recipe: Recipe, ship: str) -> None:
+    """Refuse plans for a ship that has nothing to plan.
+
+    Args:
+        recipe: recipe of the training.
+        ship: preset or path.
+
+    Raises:
+        RecipeError: the recipe has plans and the pitch of the ship is fixed.
+    """
+    vessel = load_ship(ship)
+    if recipe.plans and not vessel.has_variable_pitch:
+        raise RecipeError(
+            f"plans = {recipe.plans}: a plan commands the pitch, which is fixed on {vessel.name}; give "
+            "plans: 0"
+        )
+
+
+def _checked(actions: Any, file: Path, intervals: int) -> NDArray[np.float32]:
+    """Return the actions of a plan file as an array, or refuse the file."""
+    try:
+        table = np.array(actions, dtype=np.float32)
+    except (TypeError, ValueError):
+        table = np.zeros(0, np.float32)
+    if table.shape != (intervals, 2) or not (np.abs(table) <= 1.0).all():
+        raise ValueError(
+            f"{file}: must hold {intervals} pairs of actions from -1 to 1; remove the file, and the "
+            "plan is made again"
+        )
+    return table
 
 
 def _environment(recipe: Recipe, ship: str) -> dict[str, Any]:

@@ -125,19 +125,33 @@ class Recipe(FileModel):
 
     @model_validator(mode="after")
     def _imitable(self) -> Recipe:
-        """Refuse plans that the policy could not follow."""
+        """Refuse plans that cannot be made, or that the policy could not follow."""
         if not self.plans:
             return self
+        said = f"plans = {self.plans}: "
+        if get_task(self.task).steered:
+            raise ValueError(
+                f"{said}a plan has no rudder, and {self.task} needs one; give plans: 0"
+            )
         env = Settings.of({"task": self.task} | self.env_kwargs)
         mode, command = env.action_mode.partition(":")[0], env.drive_command
         if self.algorithm != "ppo" or mode == "increment" or command == "shaft-speed":
             raise ValueError(
-                f"plans = {self.plans}: a plan is commands of pitch and fuel rack, which PPO imitates; "
-                "it needs algorithm ppo and env_kwargs: {action_mode: absolute, command: limited-rack} "
-                f"or a residual, not {self.algorithm} with {mode} and {command}"
+                f"{said}PPO imitates commands of pitch and fuel rack, not {self.algorithm} with {mode} "
+                f"and {command}; give algorithm ppo and env_kwargs: {{action_mode: absolute, command: "
+                "limited-rack} or a residual, or plans: 0"
             )
-        if get_task(self.task).steered:
-            raise ValueError(f"plans = {self.plans}: no plan has the rudder that {self.task} needs")
+        if env.max_episode_steps is None:
+            raise ValueError(
+                f"{said}a plan needs an episode with an end; give env_kwargs.max_episode_steps, or "
+                "plans: 0"
+            )
+        gamma = self.hyperparameters.get("gamma", 0.99)
+        if not (isinstance(gamma, int | float) and gamma < 1.0):
+            raise ValueError(
+                f"{said}the value network is fitted to discounted rewards, which needs a gamma below 1, "
+                f"not {gamma!r}; or give plans: 0"
+            )
         return self
 
 

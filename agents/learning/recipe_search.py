@@ -27,7 +27,7 @@ from ..policy.policy import load_policy
 from .recipe import Recipe, RecipeError, recipe_of, recipe_path, section_of
 from .training import evaluations_of, judged, sources, train
 
-FIRST_FRESH_SEA = 600_000
+FIRST_FRESH_SEA = 2_000_000
 """Seeds of the seas on which the found recipe and the given one are compared."""
 FIRST_FRESH_SEED = 1000
 """Of those trainings; the trials' run from 0."""
@@ -221,8 +221,9 @@ def search_recipe(
     total = (count * seeds + 2 * fresh) * recipe.n_timesteps
 
     def trained(plans: Recipe, one: int, at: Path, before: int, said: str, **more: Any) -> Path:
-        def on_the_way(done: int, all_steps: int, _: str) -> None:
-            tick(before * recipe.n_timesteps + min(done, all_steps), total, said)
+        def on_the_way(done: int, all_steps: int, told: str) -> None:
+            words = said if done else f"{said}: {told}"  # until the first step it tells of plans
+            tick(before * recipe.n_timesteps + min(done, all_steps), total, words)
 
         return train(
             plans, one, at / str(one), ship=vessel, device=device, threads=threads,

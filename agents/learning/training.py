@@ -39,7 +39,7 @@ from ..evaluation.episodes import Setting, run_episodes
 from ..evaluation.statistics import interquartile_mean
 from ..policy.policy import INTERFACE, Network, Policy, layout
 from .checkpoints import Checkpoints
-from .imitation import demonstrate, imitate, make_plans
+from .imitation import check_plannable, demonstrate, imitate, make_plans
 from .recipe import Recipe, RecipeError, tuned_controller
 
 EVALUATION_EPISODES = 24
@@ -228,14 +228,15 @@ def train(
         plan_folder: folder of the plans that the recipe imitates, which several trainings may share;
             the subfolder ``plans`` of ``folder`` by default.
         tick: called with the steps done, all steps, and the last evaluation in words.
-        after_evaluation: called with the rewards of all evaluations so far, once the last is saved; an
-            exception ends the training there.
+        after_evaluation: called with the rewards of the evaluations so far (without the evaluation of an
+            imitation), once the last is saved; an exception ends the training there.
 
     Returns:
         The policy file.
 
     Raises:
-        ValueError: the folder holds a training of another recipe or seed.
+        RecipeError: the recipe has plans, and the pitch of the ship is fixed.
+        ValueError: the folder holds a training of another recipe or seed, or a damaged plan.
     """
     folder = Path(folder)
     ship = ship or get_task(recipe.task).vessel
@@ -248,8 +249,10 @@ def train(
     refuse_another(folder, note, plan, "training")
     progress = Checkpoints(folder)
     parts, steps = evaluations_of(recipe)
-    if len(progress.evaluations) >= parts:
+    imitated = 1 if recipe.plans else 0  # the first evaluation is that of the imitation
+    if len(progress.evaluations) >= parts + imitated:
         return progress.finish()
+    check_plannable(recipe, ship)
     if device == "auto":
         device = "cuda" if torch.cuda.is_available() else "cpu"
     if device == "cpu":
@@ -260,8 +263,6 @@ def train(
     write_json(note, plan)  # only now is it known that it can begin
     if progress.evaluations:
         progress.resume(model)
-    elif recipe.plans:
-        _imitate_plans(model, recipe, ship, Path(plan_folder or folder / "plans"), threads, tick)
     formats = ["csv"]
     try:
         import tensorboard  # noqa: F401
@@ -274,27 +275,36 @@ def train(
     model.set_logger(Logger(log, [make_output_format(kind, log, suffix) for kind in formats]))
     said = ["not evaluated yet"]
     watch = _Watch(recipe, falling, tick, said)
+
+    def evaluate() -> None:
+        policy = Policy(
+            network_of(model),
+            about_training(recipe, seed, ship, venv.get_attr("vector", [0])[0].batch),
+        )
+        found = judged(policy, recipe, ship, threads)
+        progress.add(
+            {"steps": model.num_timesteps, **found, "seconds": time.perf_counter() - begin}
+        )
+        said[0] = f"reward {found['reward']:.1f}"
+        progress.keep(model, policy)
+        for name, value in found.items():
+            model.logger.record(f"evaluation/{name}", value)
+
     with closing(venv), closing(model.logger):
-        for part in range(len(progress.evaluations), parts):
+        if recipe.plans and not progress.evaluations:
+            _imitate_plans(
+                model, recipe, ship, Path(plan_folder or folder / "plans"), threads, tick
+            )
+            evaluate()
+        for part in range(len(progress.evaluations) - imitated, parts):
             part_seed = int(np.random.SeedSequence([seed, part]).generate_state(1)[0] % 2**31)
             model.set_random_seed(part_seed)  # with the action space's, from which SAC first draws
             venv.seed(part_seed % 400_000)
             model._last_obs = None  # new episodes everywhere
             model.learn(steps, callback=watch, reset_num_timesteps=False)
-            policy = Policy(
-                network_of(model),
-                about_training(recipe, seed, ship, venv.get_attr("vector", [0])[0].batch),
-            )
-            found = judged(policy, recipe, ship, threads)
-            progress.add(
-                {"steps": model.num_timesteps, **found, "seconds": time.perf_counter() - begin}
-            )
-            said[0] = f"reward {found['reward']:.1f}"
-            progress.keep(model, policy)
-            for name, value in found.items():
-                model.logger.record(f"evaluation/{name}", value)
+            evaluate()
             if after_evaluation is not None:
-                after_evaluation([row["reward"] for row in progress.evaluations])
+                after_evaluation([row["reward"] for row in progress.evaluations[imitated:]])
     tick(recipe.n_timesteps, recipe.n_timesteps, said[0])
     return progress.finish()
 
@@ -312,7 +322,8 @@ def _imitate_plans(
 
     planned = make_plans(recipe, ship, folder, jobs, count)
     tick(0, recipe.n_timesteps, "imitating the plans")
-    imitate(model, demonstrate(recipe, ship, planned))
+    error = imitate(model, demonstrate(recipe, ship, planned))
+    model.logger.record("imitation/mean_squared_error", error)
 
 
 def evaluations_of(recipe: Recipe) -> tuple[int, int]:
@@ -367,6 +378,8 @@ def reference(recipe: Recipe, ship: str, threads: int | None = None) -> tuple[st
         name = f"{task.helmsman}+{name}"
     controller = controller_for(task, name, task.sailed(ship), interval, task.steered)
     words = f"the base controller {name}" if base else f"the tuned classic controller {name}"
+    if ship != task.vessel and not base:
+        words += f" (tuned on {task.vessel})"
     return words, judged(controller, recipe, ship, threads)["reward"]
 
 

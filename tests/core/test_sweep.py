@@ -247,7 +247,7 @@ def test_a_folder_holds_one_plan(tmp_path: Path) -> None:
     refuse_another(tmp_path, note, plan, "proof")
     with pytest.raises(ValueError, match=r"holds a proof of another seeds \(3, now 4\); remove it"):
         refuse_another(tmp_path, note, plan | {"seeds": 4}, "proof")
-    with pytest.raises(ValueError, match=r"a proof of another ship; remove it or give another"):
+    with pytest.raises(ValueError, match=r"another ship \(name: frigate, now ferry\); remove it"):
         refuse_another(tmp_path, note, plan | {"ship": {"name": "ferry"}}, "proof")
     with pytest.raises(ValueError, match=r"another new \(None, now 1\)"):
         refuse_another(tmp_path, note, plan | {"new": 1}, "proof")

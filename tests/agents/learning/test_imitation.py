@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +11,28 @@ import numpy as np
 import pytest
 
 from shaftline.agents import RecipeError, load_policy, read_recipe, train
-from shaftline.agents.learning import imitation
+from shaftline.agents.learning import datasets, imitation
 from shaftline.agents.learning.imitation import FIRST_SEED, Demonstrations, imitate, make_plans
 from shaftline.agents.learning.recipe import Recipe, tuned_controller
-from shaftline.agents.learning.training import built, digest
+from shaftline.agents.learning.recipe_search import FIRST_FRESH_SEA
+from shaftline.agents.learning.training import (
+    EVALUATION_EPISODES,
+    FIRST_EVALUATION_SEED,
+    built,
+    digest,
+)
 from shaftline.agents.policy.policy import Policy
 from shaftline.baselines import make_controller
 from shaftline.envs import FrigateEnv, get_task
+from shaftline.plant import load_ship
+from shaftline.plant.ship_files import write_ship
+from shaftline.studies.learners.references import EPISODES
+from shaftline.studies.policies.trainings import BLOCKS
 
 from ..tiny import interrupted_after_an_evaluation, plain_policy, recipe
 
 STEPS = 40
+FIXED = {"propeller.pitch_ratio_min": 1.2, "propeller.pitch_ratio_max": 1.2}
 RACK: dict[str, Any] = {
     "action_mode": "absolute", "command": "limited-rack", "max_episode_steps": STEPS,
 }  # fmt: skip
@@ -136,12 +148,13 @@ def test_a_training_with_plans_repeats_and_resumes(folder: Path, tmp_path: Path)
     keywords: Any = {"device": "cpu", "threads": 1, "plan_folder": folder}
     whole = train(planned_recipe(), 3, tmp_path / "whole", **keywords)
     interrupted_after_an_evaluation(planned_recipe(), 3, tmp_path / "again")
-    assert len(json.loads((tmp_path / "again/curve.json").read_text())) == 1
+    assert len(json.loads((tmp_path / "again/curve.json").read_text())) == 2
     resumed = train(planned_recipe(), 3, tmp_path / "again", **keywords)
     assert digest(whole) == digest(resumed)
     without = train(recipe(env_kwargs=RACK), 3, tmp_path / "without", device="cpu", threads=1)
     assert digest(without) != digest(whole)
     assert load_policy(whole).about["recipe"]["plans"] == 2
+    assert load_policy(whole).curve["steps"] == [0, 64, 128]  # the first is the imitation's
 
 
 def test_progress_tells_how_many_plans_are_made(tmp_path: Path, folder: Path) -> None:
@@ -158,6 +171,7 @@ def test_progress_tells_how_many_plans_are_made(tmp_path: Path, folder: Path) ->
     [
         ({"action_mode": "increment"}, "not ppo with increment and limited-rack"),
         ({"command": "shaft-speed"}, "not ppo with absolute and shaft-speed"),
+        ({"max_episode_steps": None}, "needs an episode with an end"),
     ],
 )
 def test_a_policy_that_cannot_follow_a_plan_is_refused(changes: Any, reason: str) -> None:
@@ -166,7 +180,7 @@ def test_a_policy_that_cannot_follow_a_plan_is_refused(changes: Any, reason: str
 
 
 def test_a_task_with_a_rudder_has_no_plan() -> None:
-    with pytest.raises(RecipeError, match="no plan has the rudder that course-keeping needs"):
+    with pytest.raises(RecipeError, match="a plan has no rudder, and course-keeping needs one"):
         read_recipe("ppo", "course-keeping", plans=4, env_kwargs=RACK)
 
 
@@ -192,3 +206,64 @@ def test_a_residual_follows_a_plan_within_its_reach(made: dict[int, Any]) -> Non
         np.testing.assert_allclose(given[inside], made[FIRST_SEED][k][inside], atol=1e-5)
         env.step(shown.actions[k])
     assert np.mean(np.abs(shown.actions) < 1.0) > 0.5
+
+
+def test_no_other_seed_is_planned() -> None:
+    """Blocks of seeds: of training, evaluations, plans, a search's last word, judging, data sets."""
+    training_seeds = (0, 400_000 + 4096)
+    blocks = [
+        training_seeds,
+        (FIRST_EVALUATION_SEED, FIRST_EVALUATION_SEED + EVALUATION_EPISODES),
+        (FIRST_SEED, FIRST_SEED + 1000),
+        (FIRST_FRESH_SEA, FIRST_FRESH_SEA + EVALUATION_EPISODES),
+        *((first, first + EPISODES) for _, first in BLOCKS.values()),
+        (datasets.FIRST_SEED, datasets.FIRST_SEED + 500_000),
+    ]
+    ordered = sorted(set(blocks))
+    assert all(end <= begin for (_, end), (begin, _) in pairwise(ordered))
+
+
+def test_another_ship_under_the_same_path_is_planned_anew(tmp_path: Path) -> None:
+    ship = tmp_path / "mine.toml"
+    write_ship(load_ship(SHIP), ship)
+    plan = planned_recipe().model_copy(update={"plans": 1})
+    before = make_plans(plan, str(ship), tmp_path / "plans", jobs=1)
+    heavier = load_ship(SHIP).with_values({"hull.mass_kg": 2.0 * load_ship(SHIP).hull.mass_kg})
+    write_ship(heavier, ship)
+    after = make_plans(plan, str(ship), tmp_path / "plans", jobs=1)
+    assert not np.array_equal(before[FIRST_SEED], after[FIRST_SEED])
+
+
+@pytest.mark.parametrize("content", ["[]", "[[0.1, 0.2]]", '{"a": 1}', "[[NaN, 0.0]]", "[[1], 2]"])
+def test_a_damaged_plan_is_refused_by_name(tmp_path: Path, content: str) -> None:
+    plan = planned_recipe().model_copy(update={"plans": 1})
+    make_plans(plan, SHIP, tmp_path, jobs=1)
+    (file,) = tmp_path.glob("plan-*.json")
+    file.write_text(content)
+    with pytest.raises(ValueError, match=rf"{file.name}: must hold 40 pairs .* remove the file"):
+        make_plans(plan, SHIP, tmp_path, jobs=1)
+
+
+def test_commands_beyond_the_range_are_no_plan(tmp_path: Path) -> None:
+    plan = planned_recipe().model_copy(update={"plans": 1})
+    make_plans(plan, SHIP, tmp_path, jobs=1)
+    (file,) = tmp_path.glob("plan-*.json")
+    file.write_text(json.dumps([[0.0, 0.0]] * 39 + [[0.0, 1.5]]))
+    with pytest.raises(ValueError, match="from -1 to 1"):
+        make_plans(plan, SHIP, tmp_path, jobs=1)
+
+
+def test_a_fixed_pitch_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    ship = tmp_path / "fixed.toml"
+    write_ship(load_ship(SHIP).with_values(FIXED), ship)
+    with pytest.raises(
+        RecipeError, match="plans = 2: a plan commands the pitch, which is fixed on"
+    ):
+        train(planned_recipe(), 0, tmp_path / "out", ship=str(ship), device="cpu", threads=1)
+    assert not (tmp_path / "out" / "training.json").exists()
+
+
+@pytest.mark.parametrize("gamma", [1.0, "lin_0.99"])
+def test_returns_need_a_discount(gamma: Any) -> None:
+    with pytest.raises(ValueError, match=f"needs a gamma below 1, not {gamma!r}"):
+        planned_recipe(hyperparameters={"gamma": gamma})
