@@ -30,7 +30,7 @@ def test_policies_sail_without_torch() -> None:
         "from shaftline.agents import evaluate, load_policy",
         "from shaftline.envs import FrigateEnv",
         "policy = load_policy('rough-sea')",
-        "policy.predict([0.1] * policy.network.shape[0])",
+        "policy.predict([0.1] * (policy.network.shape[0] // policy.frames))",
         "assert not {'torch', 'stable_baselines3'} & set(sys.modules)",
     )
     subprocess.run([sys.executable, "-c", "\n".join(lines)], check=True)
