@@ -29,7 +29,7 @@ UNLIMITED = ("rate_limit", "torque_limit", "smoke_limit_N", "loading_limit_N", "
              "pressure_deg", "episode_end")  # fmt: skip
 """Parts of the names of keys whose own default is infinity."""
 
-TEXTS = ("hull.mass_kg", "gamma", "gae_lambda", "ent_coef", "clip_range")
+TEXTS = ("hull.mass_kg", "gamma", "gae_lambda", "ent_coef", "clip_range", "max_grad_norm")
 """Keys of which a text may be meant: a scale of the recording, and a number as YAML 1.1 reads 1e-3."""
 
 Tree = dict[str, Any]
