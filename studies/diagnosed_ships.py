@@ -300,7 +300,7 @@ less that for the file's; the share is of the sums over the ships, with its 95 %
 share means little where little is lost: then the controller's own feedback makes up for the ship."""
 
 _PPO_TEXT = """ `PPO` is learned from nothing (increments) with the hyperparameters of the recipe of
-`{nothing}` and {steps:,} intervals, one training. `randomised`: PPO on the file's ship with resistance,
+`{nothing}` and {steps:,} intervals, one training. `randomised`: PPO on the ship file with resistance,
 torque of the propeller and inertia drawn anew each episode ({widths})."""
 
 _THREE = """\

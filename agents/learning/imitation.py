@@ -24,7 +24,7 @@ from ...core.sweep import digest_of, source_digest, sweep
 from ...envs import DEFAULTS, get_task
 from ...envs.settings import Settings
 from ...envs.steering import kinds
-from ...plant import load_ship
+from ...plant import Ship, load_ship
 from ..evaluation.clairvoyant import Clairvoyant
 from .recipe import Recipe, RecipeError, tuned_controller
 
@@ -120,20 +120,19 @@ def make_plans(
     }
 
 
-def check_plannable(recipe: Recipe, ship: str) -> None:
+def check_plannable(recipe: Recipe, ship: Ship) -> None:
     """Refuse plans for a ship that has nothing to plan.
 
     Args:
         recipe: recipe of the training.
-        ship: preset or path.
+        ship: ship of the training.
 
     Raises:
         RecipeError: the recipe has plans and the pitch of the ship is fixed.
     """
-    vessel = load_ship(ship)
-    if recipe.plans and not vessel.has_variable_pitch:
+    if recipe.plans and not ship.has_variable_pitch:
         raise RecipeError(
-            f"plans = {recipe.plans}: a plan commands the pitch, which is fixed on {vessel.name}; give "
+            f"plans = {recipe.plans}: a plan commands the pitch, which is fixed on {ship.name}; give "
             "plans: 0"
         )
 

@@ -240,7 +240,8 @@ def train(
     """
     folder = Path(folder)
     ship = ship or get_task(recipe.task).vessel
-    content = digest_of(repr(load_ship(ship)))
+    vessel = load_ship(ship)
+    content = digest_of(repr(vessel))
     plan = {
         "recipe": recipe.model_dump(), "seed": seed, "ship": {"source": ship, "content": content},
         "source": sources(),
@@ -252,7 +253,7 @@ def train(
     imitated = 1 if recipe.plans else 0  # the first evaluation is that of the imitation
     if len(progress.evaluations) >= parts + imitated:
         return progress.finish()
-    check_plannable(recipe, ship)
+    check_plannable(recipe, vessel)
     if device == "auto":
         device = "cuda" if torch.cuda.is_available() else "cpu"
     if device == "cpu":
