@@ -220,13 +220,13 @@ def search_recipe(
     count = max(trials, len(done))
     total = (count * seeds + 2 * fresh) * recipe.n_timesteps
 
-    def trained(plans: Recipe, one: int, at: Path, before: int, said: str, **more: Any) -> Path:
+    def trained(tried: Recipe, one: int, at: Path, before: int, said: str, **more: Any) -> Path:
         def on_the_way(done: int, all_steps: int, told: str) -> None:
             words = said if done else f"{said}: {told}"  # until the first step it tells of plans
             tick(before * recipe.n_timesteps + min(done, all_steps), total, words)
 
         return train(
-            plans, one, at / str(one), ship=vessel, device=device, threads=threads,
+            tried, one, at / str(one), ship=vessel, device=device, threads=threads,
             plan_folder=folder / "plans", tick=on_the_way, **more,
         )  # fmt: skip
 
@@ -234,14 +234,16 @@ def search_recipe(
     for k in range(len(done), trials):
         asking = _study(done, space, seed).ask(space) if k else None
         trial = Trial(asking.params if asking else {key: _given(recipe, key) for key in space})
-        plans = varied(recipe, asking.params) if asking else recipe
+        tried = varied(recipe, asking.params) if asking else recipe
         at, said = folder / "trials" / f"{k:03d}", _said(k, trials, done)
-        rewards = []
+        rewards: list[float] = []
+        parts = evaluations_of(tried)[0]
         try:
             for one in range(seeds):
-                watch = None if one else _watch(trial, asking, evaluations_of(plans)[0])
-                path = trained(plans, one, at, k * seeds + one, said, after_evaluation=watch)
-                curve = [float(reward) for reward in load_policy(path).curve["reward"]]
+                watch = None if one else _watch(trial, asking, parts)
+                path = trained(tried, one, at, k * seeds + one, said, after_evaluation=watch)
+                evaluated = load_policy(path).curve["reward"][-parts:]  # the imitation is left out
+                curve = [float(reward) for reward in evaluated]
                 trial.rewards = trial.rewards if one else curve
                 rewards.append(curve[-1])
             trial.reward = float(np.mean(rewards))
@@ -255,7 +257,7 @@ def search_recipe(
     found = varied(recipe, done[best].values) if best else recipe
     write_text(folder / "recipe.yml", _as_file(found, done[best]))
     compared: dict[str, list[float]] = {}
-    for name, plans, place in (("given", recipe, "given"), ("found", found, f"found-{best}")):
+    for name, tried, place in (("given", recipe, "given"), ("found", found, f"found-{best}")):
         if name == "found" and not best:  # what was given is the best
             compared[name] = compared["given"]
             continue
@@ -263,9 +265,9 @@ def search_recipe(
         for one in range(fresh):
             before = count * seeds + one + (fresh if name == "found" else 0)
             path = trained(
-                plans, FIRST_FRESH_SEED + one, folder / place, before, f"{name} on fresh seeds"
+                tried, FIRST_FRESH_SEED + one, folder / place, before, f"{name} on fresh seeds"
             )
-            told = judged(load_policy(path), plans, vessel, threads, FIRST_FRESH_SEA)
+            told = judged(load_policy(path), tried, vessel, threads, FIRST_FRESH_SEA)
             compared[name].append(told["reward"])
     tick(total, total, _said(trials - 1, trials, done))
     write_json(

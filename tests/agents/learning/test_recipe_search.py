@@ -196,3 +196,11 @@ def test_the_packages_spaces_fit_its_recipes(algorithm: str) -> None:
         values = {key: recipe_search._given(plan, key) for key in space}
         trial = recipe_search.Trial(values, [0.0], 0.0)
         assert len(_study([trial], recipe_search._space(plan, space), 0).trials) == 1
+
+
+def test_the_evaluation_of_an_imitation_is_none_of_a_trial(tmp_path: Path) -> None:
+    """A trial that runs is compared with the others evaluation by evaluation."""
+    rack = {"action_mode": "absolute", "command": "limited-rack", "max_episode_steps": 20}
+    planned = recipe(plans=1, env_kwargs=rack)
+    found = search_recipe(planned, tmp_path, trials=1, fresh=1, device="cpu")
+    assert len(found.trials[0].rewards) == planned.evaluations
