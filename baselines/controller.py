@@ -167,17 +167,6 @@ class Controller(ABC):
             memory: of the last call or :meth:`fresh`; changed in place.
         """
 
-    def explore(
-        self, seen: Readings, memory: NDArray[Any]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """As :meth:`act`, with the noise of training; classic controllers have none.
-
-        Args:
-            seen: readings of n ships.
-            memory: of the last call or :meth:`fresh`; changed in place.
-        """
-        return self.act(seen, memory)
-
     def predict(
         self,
         observation: Any,
@@ -191,7 +180,7 @@ class Controller(ABC):
             observation: shape (8,) or (n, 8), the signals :data:`OBSERVED` in physical units.
             state: what the last call returned, None at first; it stays untouched.
             episode_start: shape (n,), true where an episode begins and the memory must be forgotten.
-            deterministic: false for the noise of training, which classic controllers do not have.
+            deterministic: without effect: a classic controller draws no noise.
 
         Returns:
             Action(s) in [-1, 1], shape (2,) or (n, 2): pitch command and fuel rack command, each over
@@ -199,6 +188,6 @@ class Controller(ABC):
         """
         seen = readings(observation, self.preview)
         memory = resumed(state, self.fresh(seen), episode_start)
-        pitch, rack = (self.act if deterministic else self.explore)(seen, memory)
+        pitch, rack = self.act(seen, memory)
         table = actions(self.plant, pitch, rack)
         return table if np.ndim(observation) > 1 else table[0], memory

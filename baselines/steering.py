@@ -58,7 +58,7 @@ class SteeringController:
             observation: shape (14,) or (n, 14), the signals of the steering environment.
             state: what the last call returned, None at first; it stays untouched.
             episode_start: shape (n,), true where an episode begins and the memory must be forgotten.
-            deterministic: false for the noise of training, which classic controllers do not have.
+            deterministic: without effect: a classic controller draws no noise.
 
         Returns:
             Action(s) in [-1, 1], shape (3,) or (n, 3): pitch, fuel rack and rudder command, each over
@@ -68,8 +68,7 @@ class SteeringController:
         of_drive, of_helm = (None, None) if state is None else state
         drive = resumed(of_drive, self.propulsion.fresh(seen), episode_start)
         helm = resumed(of_helm, self.helmsman.fresh(ahead), episode_start)
-        act = self.propulsion.act if deterministic else self.propulsion.explore
-        pitch, rack = act(seen, drive)
+        pitch, rack = self.propulsion.act(seen, drive)
         rudder = self.helmsman.rudder(ahead, helm)
         plant = self.propulsion.plant
         table = np.column_stack(

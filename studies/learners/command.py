@@ -16,9 +16,9 @@ from ...core.sweep import SweepError, sweep
 from ...envs import tasks
 from . import bounds, page
 from .references import names_of, reference_cell
-from .trainings import ALGORITHMS, Learner, train_cell
+from .trainings import ALGORITHMS, RECIPE, Learner, train_cell
 
-STEPS = {"ppo": 300_000, "recurrent-ppo": 300_000, "sac": 50_000, "td3": 50_000}
+STEPS = {"ppo": 300_000, "recurrent-ppo": 300_000, "sac": 50_000, "td3": 50_000, RECIPE: 1_000_000}
 """Control intervals of a training."""
 
 

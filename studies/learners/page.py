@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,11 @@ from ...display.figures import PALETTE, new_figure, save
 from ...display.tables import markdown, write_table
 from ...envs import DEFAULTS
 from ...envs.tasks import HELD_OUT
+from ..policies.trainings import from_nothing
 from .bounds import EPISODES as PLANNED
 from .bounds import STARTS, STEPS
 from .references import BLIND, CONTROLLERS, EPISODES, FIRST_SEED, PREVIEWING, TUNED
-from .trainings import ALGORITHMS
+from .trainings import ALGORITHMS, DEFAULT_LEARNERS, RECIPE
 
 COMBINATOR = CONTROLLERS[0]
 UNTUNED = CONTROLLERS[1:]
@@ -102,10 +104,10 @@ def _wide(table: pd.DataFrame, names: list[str], part: str) -> pd.DataFrame:
     return pd.DataFrame(columns).fillna("–").rename_axis("controller").reset_index()
 
 
-def _targets(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+def _targets(table: pd.DataFrame, names: list[str], learners: Iterable[str]) -> pd.DataFrame:
     """Return, for each learner and task, the gain over the combinator and the best untuned classic."""
     rows = []
-    for task, name in itertools.product(names, ALGORITHMS):
+    for task, name in itertools.product(names, learners):
         here = table[table["task"] == task].set_index("controller")
         if name not in here.index:
             continue
@@ -188,6 +190,18 @@ tuned controller in the {episodes} episodes of the tables and that gain. The spr
 worst, a measure of how far the local optima differ. The true bound may lie higher."""
 
 
+_RECIPE_TEXT = """\
+`ppo-recipe` is PPO from scratch as well, with increments and no base controller, but with the
+hyperparameters of the package's recipes, the same in all tasks: {text}. They were searched for once, in
+trainings of other seeds. Its learning curves are interquartile means."""
+
+
+def _hyperparameters(tasks: list[str]) -> dict[str, str]:
+    recipe = from_nothing(tasks[0], {})
+    given = {"n_envs": recipe.n_envs, **recipe.hyperparameters}
+    return {"text": ", ".join(f"`{key}` {value}" for key, value in given.items())}
+
+
 def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
     """Write page, table and figure.
 
@@ -214,10 +228,15 @@ def write(folder: Path, names: list[str], found: dict[str, Any]) -> Path:
         "## Learners against classic controllers",
         "95 % intervals are over trainings and episodes together; a gain counts where its interval lies "
         "above zero.",
-        markdown(_targets(table, names)),
+        markdown(_targets(table, names, DEFAULT_LEARNERS)),
         "![Learning curves](figures/learners.png)",
         "## Held-out seas", markdown(_wide(table, names, f":{HELD_OUT}")),
     ]  # fmt: skip
+    if RECIPE in budget:
+        parts += [
+            "## Hyperparameters searched once", _RECIPE_TEXT.format(**_hyperparameters(learned)),
+            markdown(_targets(table, names, [RECIPE])),
+        ]  # fmt: skip
     if any(bound_of(task, found) for task in names):
         starts = ", ".join(f"`{start}`" for start in STARTS)
         text = _BOUND_TEXT.format(steps=STEPS, n=PLANNED, starts=starts, episodes=EPISODES)

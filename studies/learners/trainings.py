@@ -1,7 +1,8 @@
-"""Training of one standard learner with default hyperparameters, evaluated on the way."""
+"""Training of one standard learner from scratch, evaluated on the way."""
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,12 +12,19 @@ import gymnasium
 import numpy as np
 
 from ... import envs  # noqa: F401 (registers the environments)
+from ...baselines.controller import Predictor
 from ...envs import get_task
 from ...envs.steering import kinds
 from ...envs.tasks import HELD_OUT
 from .references import returns_of
 
-ALGORITHMS = ("ppo", "sac", "td3", "recurrent-ppo")
+DEFAULT_LEARNERS = ("ppo", "sac", "td3", "recurrent-ppo")
+"""Learners with default hyperparameters."""
+
+RECIPE = "ppo-recipe"
+"""PPO with the hyperparameters of the package, which were searched for once."""
+
+ALGORITHMS = (*DEFAULT_LEARNERS, RECIPE)
 POINTS, CURVE_EPISODES, CURVE_SEED = 10, 24, 500_000
 
 
@@ -83,6 +91,8 @@ def model_of(learner: Learner) -> Any:
 
 def train_cell(learner: Learner) -> dict[str, Any]:
     """Train, and return curve and final episodes as JSON allows."""
+    if learner.algorithm == RECIPE:
+        return _train_recipe(learner)
     import torch
 
     torch.set_num_threads(1)
@@ -94,13 +104,31 @@ def train_cell(learner: Learner) -> dict[str, Any]:
             model.learn(learner.steps // POINTS, reset_num_timesteps=part == 1)
         found = returns_of(trained, learner.task, CURVE_EPISODES, CURVE_SEED)
         curve.append([model.num_timesteps, float(np.mean(found.values)), found.failed])
-    result: dict[str, Any] = {
-        part: returns_of(trained, f"{learner.task}{part}")._asdict()
-        for part in ("", f":{HELD_OUT}")
-    }
     if learner.folder is not None and learner.algorithm != "recurrent-ppo":
         _save(learner, model, Path(learner.folder))
-    return result | {"curve": curve, "seconds": time.perf_counter() - begin}
+    return _judged(trained, learner.task) | {
+        "curve": curve, "seconds": time.perf_counter() - begin,
+    }  # fmt: skip
+
+
+def _judged(policy: Predictor, task: str) -> dict[str, Any]:
+    """Return the final episodes of a policy in each part, as JSON allows."""
+    return {part: returns_of(policy, f"{task}{part}")._asdict() for part in ("", f":{HELD_OUT}")}
+
+
+def _train_recipe(learner: Learner) -> dict[str, Any]:
+    """Train with the package's hyperparameters, and return curve and final episodes."""
+    from ...agents.learning.training import train
+    from ...agents.policy.policy import load_policy
+    from ..policies.trainings import from_nothing
+
+    recipe = from_nothing(learner.task, {}, n_timesteps=learner.steps)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(learner.folder or scratch) / learner.name
+        policy = load_policy(train(recipe, learner.seed, folder, device="cpu", threads=1))
+    points = (policy.curve[key] for key in ("steps", "reward", "failed"))
+    curve = [list(point) for point in zip(*points, strict=True)]
+    return _judged(policy, learner.task) | {"curve": curve, "seconds": policy.curve["seconds"][-1]}
 
 
 def _save(learner: Learner, model: Any, folder: Path) -> None:

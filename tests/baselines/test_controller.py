@@ -24,14 +24,6 @@ class Counting(Controller):
         return seen.pitch_ratio, memory[:, 0]
 
 
-class Noisy(Counting):
-    """Explores by another pitch."""
-
-    def explore(self, seen: Readings, memory: NDArray[Any]) -> Any:
-        _, rack = self.act(seen, memory)
-        return 0.0 * seen.pitch_ratio, rack
-
-
 ROW = [8.0, 9.0, 1e5, 1.2, 15.0, 7.0, 6.6, 1.0]
 
 
@@ -82,14 +74,6 @@ def test_memory_goes_on_until_an_episode_begins(frigate: Ship) -> None:
     assert again.ravel().tolist() == [18.0, 16.0]
     _, all_again = controller.predict(rows, second, True)
     assert all_again.ravel().tolist() == [16.0, 16.0]
-
-
-def test_exploring_is_asked_for(frigate: Ship) -> None:
-    noisy = Noisy(frigate)
-    assert noisy.predict(ROW)[0][0] == pytest.approx(0.5)
-    assert noisy.predict(ROW, deterministic=False)[0][0] == -1.0
-    plain = Counting(frigate)
-    assert np.array_equal(plain.predict(ROW, deterministic=False)[0], plain.predict(ROW)[0])
 
 
 def test_resumed_copies_and_keeps_the_kind_of_memory() -> None:
