@@ -23,6 +23,8 @@ check: $(INSTALLED)
 	$(BIN)/ruff format --check .
 	mkdir -p .venv/source && ln -sfn "$(CURDIR)" .venv/source/shaftline
 	MYPYPATH=.venv/source $(BIN)/mypy -p shaftline
+	ln -sfn "$(CURDIR)/reproductions" .venv/source/reproductions
+	MYPYPATH=.venv/source $(BIN)/mypy -p reproductions
 	MYPYPATH=.venv/source $(BIN)/mypy tests
 
 # small wrong changes to the code, one at a time: which do the tests notice? (about an hour; resumes)
@@ -48,34 +50,20 @@ results: $(INSTALLED)
 	  --out docs/results/figures/film.gif
 	$(BIN)/shaftline manoeuvre --ship kvlcc2 --speed 1.18 --scale 45.7 --out out/kvlcc2
 	cp out/kvlcc2/turning-circles.png docs/results/figures/turning-circles.png
-	$(BIN)/python -m shaftline.studies.loops --out docs/results
-	$(BIN)/python -m shaftline.studies.ferry.engine_map --out docs/results
-	$(BIN)/python -m shaftline.studies.errata --out docs/results
-	$(BIN)/python -m shaftline.studies.adaptive_gains --out docs/results
-	$(BIN)/python -m shaftline.studies.towing_tank.observers --out docs/results
-	$(BIN)/python -m shaftline.studies.observer_ranking --out docs/results
-	$(BIN)/python -m shaftline.studies.observer_features --out docs/results
-	$(BIN)/python -m shaftline.studies.intervals --out docs/results
-	$(BIN)/python -m shaftline.studies.learners.reward_terms --out docs/results/figures/reward-terms.png
-	$(BIN)/python -m shaftline.studies.speed --out docs/results/speed.md
-	$(BIN)/python -m shaftline.studies.tito_neri.effects --out docs/results
-	$(BIN)/python -m shaftline.studies.tito_neri.rig_page --out docs/results
+	for name in loops ferry.engine_map errata towing_tank.observers observer_ranking \
+	    observer_features intervals tito_neri.effects tito_neri.rig_page; do \
+	    $(BIN)/python -m reproductions $$name --out docs/results || exit 1; done
+	$(BIN)/python -m reproductions learners.reward_terms --out docs/results/figures/reward-terms.png
+	$(BIN)/python -m reproductions speed --out docs/results/speed.md
 	@# recordings are their owners' and stay outside; SHAFTLINE_DATA is the folder that holds them
-	if [ -d "$(SHAFTLINE_DATA)/recordings/emps" ]; then \
-	    $(BIN)/python -m shaftline.studies.emps --out docs/results \
-	        --recordings "$(SHAFTLINE_DATA)/recordings/emps"; fi
-	if [ -d "$(SHAFTLINE_DATA)/recordings/dc_motor_generator" ]; then \
-	    $(BIN)/python -m shaftline.studies.rigs --out docs/results \
-	        --recordings "$(SHAFTLINE_DATA)/recordings"; fi
-	if [ -d "$(SHAFTLINE_DATA)/recordings/esso_osaka" ]; then \
-	    $(BIN)/python -m shaftline.studies.esso_osaka_model --out docs/results \
-	        --recordings "$(SHAFTLINE_DATA)/recordings/esso_osaka"; fi
-	if [ -d "$(SHAFTLINE_DATA)/recordings/rov_thruster" ]; then \
-	    $(BIN)/python -m shaftline.studies.rov_thruster --out docs/results \
-	        --recordings "$(SHAFTLINE_DATA)/recordings/rov_thruster"; fi
-	if [ -d "$(SHAFTLINE_DATA)/recordings/kvlcc2_hsva" ]; then \
-	    $(BIN)/python -m shaftline.studies.kvlcc2 --out docs/results \
-	        --recordings "$(SHAFTLINE_DATA)/recordings/kvlcc2_hsva"; fi
+	if [ -d "$(SHAFTLINE_DATA)/recordings" ]; then \
+	    $(BIN)/python -m reproductions rigs --out docs/results \
+	        --recordings "$(SHAFTLINE_DATA)/recordings" || exit 1; \
+	    for pair in emps:emps esso_osaka_model:esso_osaka rov_thruster:rov_thruster \
+	        kvlcc2:kvlcc2_hsva; do \
+	        folder="$(SHAFTLINE_DATA)/recordings/$${pair#*:}"; \
+	        if [ -d "$$folder" ]; then $(BIN)/python -m reproductions $${pair%:*} \
+	            --out docs/results --recordings "$$folder" || exit 1; fi; done; fi
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

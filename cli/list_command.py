@@ -16,11 +16,11 @@ from ..envs import Goals, tasks
 from ..mismatch import catalogue
 from ..observers import observer_names
 from ..plant import load_ship, ship_names
+from ..plant.load_cases import CASES
 from ..plant.seas import presets
 from ..plant.ship_files import ship_keys
 from ..plant.signals import CONTROL_SIGNALS, SIGNALS
 from ..plant.terms import NO_BOUND, TermParameter
-from ..studies.thesis.load_cases import CASES
 from .console import clear_errors, print_table, say
 
 

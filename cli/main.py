@@ -24,7 +24,7 @@ from .progress import loading, tell_compiling
 
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",
-    "tune-recipe", "evaluate", "dataset", "video", "check", "identify", "diagnose", "prove", "list",
+    "tune-recipe", "evaluate", "dataset", "video", "check", "identify", "diagnose", "validate", "list",
 )  # fmt: skip
 """In the order of ``--help``; ``new-ship`` is ``new_ship`` in ``new_ship_command.py``."""
 

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import pandas as pd
 import typer
 
 from ..core.files import check_writable, write_json
-from ..studies import cells as cell_files
-from ..studies import reproduce as study
-from ..studies.cells import Cell, counts
-from ..studies.unexplained import outdated, unlisted
 from .console import check_folder, clear_errors, print_table, progress, say
 
+if TYPE_CHECKING:
+    from reproductions.cells import Cell
+
 ALL = "all"
+CHECKOUT = Path(__file__).resolve().parent.parent
+"""Folder of the package, which in a checkout holds the reproductions as well."""
 
 
 def reproduce(
     table: Annotated[
-        str, typer.Argument(help=f"Which: {', '.join(study.TABLES)}, or {ALL}.", metavar="TABLE")
+        str, typer.Argument(help=f"One of the names below, or {ALL}.", metavar="TABLE")
     ] = ALL,
     out: Annotated[Path, typer.Option(help="Folder for CSV, Markdown and figures.")] = Path(
         "out/reproduce"
@@ -48,6 +50,10 @@ def reproduce(
         shaftline reproduce poles --json poles.json
     """
     with clear_errors():
+        _find_reproductions()
+        from reproductions import cells as cell_files
+        from reproductions import reproduce as study
+
         if table not in {ALL, *study.TABLES}:
             raise ValueError(f"unknown table {table!r}; known: {', '.join([ALL, *study.TABLES])}")
         check_folder(out)
@@ -70,7 +76,25 @@ def reproduce(
         _summary(found)
 
 
+def _find_reproductions() -> None:
+    """Make the package ``reproductions`` of the checkout importable.
+
+    Raises:
+        ValueError: the package was installed from a wheel, which does not contain them.
+    """
+    if not (CHECKOUT / "reproductions" / "__init__.py").is_file():
+        raise ValueError(
+            "shaftline reproduce needs a checkout of the repository, for the installed package has no "
+            "reproductions; clone it and run `make run` there, then this command"
+        )
+    if str(CHECKOUT) not in sys.path:
+        sys.path.append(str(CHECKOUT))  # the last place, so that it hides no other package
+
+
 def _summary(found: dict[str, list[Cell]]) -> None:
+    from reproductions.cells import counts
+    from reproductions.unexplained import outdated, unlisted
+
     counted = [counts(cells).reset_index().assign(study=name) for name, cells in found.items()]
     whole = pd.concat(counted)
     print_table(whole[["study", *whole.columns.drop("study")]], "printed numbers by kind")
@@ -84,7 +108,7 @@ def _summary(found: dict[str, list[Cell]]) -> None:
             say(f"unexplained and not listed: {name}, {where}: {cell.ours:.6g} ({cell.print_text})")
     if new:
         say(
-            "Printed numbers are off without a calculated reason, and studies/data/unexplained does "
-            "not list them. Correct the cause, or list the cells with what was tried."
+            "Printed numbers are off without a calculated reason, and reproductions/data/unexplained "
+            "does not list them. Correct the cause, or list the cells with what was tried."
         )
         raise typer.Exit(1)

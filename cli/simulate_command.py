@@ -14,9 +14,9 @@ from ..observers import follow_table, get_observer
 from ..observers.metrics import with_noisy_readings
 from ..plant import get_sea, load_ship, realise
 from ..plant.columns import input_columns, signal_columns
+from ..plant.load_cases import CASES, NOISE_SNR_DB, get_case
 from ..plant.recording import read_recording
 from ..plant.replay import simulate_recording
-from ..studies.thesis.load_cases import CASES, NOISE_SNR_DB, get_case
 from .console import OwnHeight, OwnPeriod, clear_errors, own_sea, say
 
 

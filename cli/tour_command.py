@@ -7,11 +7,10 @@ from typing import Annotated
 
 import typer
 
-from .. import display
 from ..core.files import write_atomically
-from ..studies import tour as study
-from ..studies.thesis.vaf import ROWS
+from ..display.figures import save
 from .console import check_folder, clear_errors, print_table, progress, say
+from .tour import OBSERVERS, simulate_drive_train, simulate_seaway
 
 
 def tour(
@@ -20,29 +19,29 @@ def tour(
 ) -> None:
     """A first look: a frigate in a seaway, then a real drive train.
 
-    Sails the frigate of van der Kroft's thesis through 300 s of head seas (significant height 2.9 m)
-    and lets every observer estimate the advance velocity, the speed of the water through the
-    propeller, which no ship can measure. Then simulates the model tug Tito Neri at the voltages at
-    which it was measured and says where model and measurement differ most.
+    First, simulates the frigate of van der Kroft's thesis for 300 s in head seas (significant wave
+    height 2.9 m). Every observer estimates the advance velocity: the speed of the water through the
+    propeller, which no ship can measure. Then simulates the model tug Tito Neri at the motor voltages
+    of its published measurements, and reports where model and measurement differ most.
     """
     with clear_errors():
         check_folder(out)
         say(
-            "A frigate sails 300 s of head seas; each observer estimates from shaft speed, torque and "
-            "pitch how fast the water meets the propeller."
+            "A frigate is simulated for 300 s in head seas. Each observer estimates, from shaft speed, "
+            "shaft torque and pitch, how fast the water flows into the propeller."
         )
-        with progress("sailing (the first run compiles the kernels)", len(ROWS)) as tick:
-            sea = study.sail_the_thesis_sea(seed, tick)
-        print_table(sea.table, "1. The frigate in head seas: who sees the water's speed?")
+        with progress("simulating (the first run compiles the kernels)", len(OBSERVERS)) as tick:
+            sea = simulate_seaway(seed, tick)
+        print_table(sea.table, "1. The frigate in head seas: accuracy of each observer")
         say(
-            "VAF is the share of the advance velocity's variance that an estimate accounts for; 100 % "
-            "is perfect. The noisy readings are those of good shipboard instruments."
+            "VAF is the share of the advance velocity's variance for which an estimate accounts: 100 % "
+            "is perfect. The noise is that of good shipboard instruments."
         )
         say(f"{sea.sentence}\n")
-        display.figures.save(sea.figure, out / "seaway.png")
+        save(sea.figure, out / "seaway.png")
         write_atomically(out / "seaway.csv", lambda f: sea.table.to_csv(f, index=False))
 
-        train = study.meet_the_drive_train()
+        train = simulate_drive_train()
         for model, points in train.points.groupby("model", sort=False):
             shown = points[
                 ["voltage_V", "motor_speed_rad_s_measured", "motor_speed_rad_s",
@@ -59,7 +58,7 @@ def tour(
         )
         for sentence in train.sentences:
             say(f"- {sentence}")
-        display.figures.save(train.figure, out / "tito-neri.png")
+        save(train.figure, out / "tito-neri.png")
         for name, frame in (("points", train.points), ("response", train.response)):
             write_atomically(
                 out / f"tito-neri-{name}.csv",

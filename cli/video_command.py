@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
+from ..agents.evaluation.film import Span, sailed, sea_of, write
 from ..core.files import check_writable
 from ..envs import DEFAULTS, get_task, tasks
 from ..envs.settings import EPISODE_S
 from ..observers import get_observer
-from ..studies.film import Span, sailed, sea_of, write
 from .console import clear_errors, say, stages
 
 _MOST = 4

@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, TypeAlias, TypeVar, cast
 import numba
 from numba.misc.appdirs import AppDirs
 
-from .kernel_cache import check_files
+from .kernel_cache import check_files, drop_stale_kernels
 
 Record: TypeAlias = Any
 """One element of a NumPy structured array, as a kernel sees it (fields as attributes)."""
@@ -26,30 +26,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-_LAYERS = (
-    "core", "plant", "observers", "baselines", "envs", "mismatch", "proof", "studies",
-)  # fmt: skip
-"""Folders with kernels; each calls kernels of those before it only."""
-
-
-def _drop_stale_kernels() -> None:
-    """Delete this package's cached machine code where a source that it may rest on is newer.
-
-    Numba looks only at the file of the cached function itself: after an edit of
-    ``propeller.py`` it would go on using the old propeller inside ``simulation.py``.
-    """
-    house = Path(__file__).resolve().parent.parent
-    newest = 0.0
-    for layer in _LAYERS:
-        sources = (house / layer).rglob("*.py")
-        newest = max(newest, *(source.stat().st_mtime for source in sources))
-        for cached in (house / layer).rglob("__pycache__/*.nb[ic]"):
-            with contextlib.suppress(OSError):
-                if cached.stat().st_mtime < newest:
-                    cached.unlink()
-
-
-_drop_stale_kernels()
+drop_stale_kernels(Path(__file__).resolve().parent.parent)
 
 
 def _is_writable(folder: Path) -> bool:

@@ -1,4 +1,8 @@
-"""The cache of compiled kernels, each file with a digest: a damaged one is dropped and compiled anew."""
+"""The cache of compiled kernels.
+
+Each cache file carries a digest; a damaged file is deleted and its kernel is compiled again. So is a
+file that is older than a source on which its kernel may depend.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,8 @@ import hashlib
 import io
 import os
 import pickle
+import re
+from pathlib import Path
 from typing import Any
 
 from numba.core import caching
@@ -76,3 +82,66 @@ def check_files(kernel: Any) -> None:
     plain = cache._cache_file
     base = plain._index_name.removesuffix(".nbi")
     cache._cache_file = CheckedCacheFile(cache.cache_path, base, plain._source_stamp)
+
+
+_IMPORT = re.compile(r"^ *from (\.*)([\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+
+
+def imported_files(source: Path, root: Path) -> set[Path]:
+    """Return the files of the package that a module imports directly.
+
+    Args:
+        source: module.
+        root: folder of the package ``shaftline``.
+    """
+    found = set()
+    for dots, module, names in _IMPORT.findall(source.read_text(encoding="utf-8")):
+        first, *rest = module.split(".") if module else [""]
+        if dots:
+            folder = source.parents[len(dots) - 1].joinpath(*filter(None, (first, *rest)))
+        elif first in (root.name, "shaftline"):
+            folder = root.joinpath(*rest)
+        else:
+            folder = root.joinpath(first, *rest)
+        own = folder.with_suffix(".py")
+        if own.is_file():
+            found.add(own)
+            continue
+        for name in re.findall(r"\w+", names):
+            part = folder / f"{name}.py"
+            found.add(part if part.is_file() else folder / "__init__.py")
+    return {file for file in found if file.is_file()}
+
+
+def drop_stale_kernels(root: Path) -> None:
+    """Delete cached kernels that are older than a source that their module imports, however indirectly.
+
+    Numba compares a kernel with the source file of the kernel alone. After a change of ``propeller.py``
+    it would still use the old propeller inside ``simulation.py``.
+
+    Args:
+        root: folder of the package ``shaftline``.
+    """
+    packages = [folder for folder in root.iterdir() if (folder / "__init__.py").is_file()]
+    changed = {file: file.stat().st_mtime for one in packages for file in one.rglob("*.py")}
+    cached: dict[Path, list[Path]] = {}
+    oldest = float("inf")
+    for folder in packages:
+        for file in folder.rglob("__pycache__/*.nb[ic]"):
+            with contextlib.suppress(OSError):
+                oldest = min(oldest, file.stat().st_mtime)
+                module = file.parent.parent / f"{file.name.split('.')[0]}.py"
+                cached.setdefault(module, []).append(file)
+    if max(changed.values(), default=0.0) <= oldest:
+        return
+    imports = {file: imported_files(file, root) for file in changed}
+    for module, files in cached.items():
+        needed, new = {module}, {module}
+        while new:
+            new = set().union(*(imports.get(file, set()) for file in new)) - needed
+            needed |= new
+        newest = max((changed.get(file, 0.0) for file in needed), default=0.0)
+        for file in files:
+            with contextlib.suppress(OSError):
+                if file.stat().st_mtime < newest:
+                    file.unlink()

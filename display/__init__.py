@@ -1,4 +1,4 @@
-"""Tables and figures that commands and studies share.
+"""Tables and figures that several packages use.
 
 A part is imported when it is first used, as ``display.figures``: matplotlib takes half a second.
 """

@@ -2,8 +2,8 @@
 
 Each recipe gives its places, and some things that are there already and were made by it. A place that
 does not speak of its example is not needed; a file of the product that does and is no place is one more
-to touch. Doors (``__init__.py``) may hand anything on, studies use whatever there is, and the proof's
-reality is another ship on purpose.
+to touch. ``__init__.py`` files may export anything, and the independent simulator of ``validation`` is
+another ship on purpose.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The score of a return: 0 is the combinator, 1 the clairvoyant bound of the task.
 
 The bounds of the package's tasks are in ``bounds.json``, written by ``python -m
-shaftline.studies.learners``. They hold for the task's own ship and seas.
+reproductions.learners``. They hold for the task's own ship and seas.
 """
 
 from __future__ import annotations

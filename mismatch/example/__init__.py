@@ -1,6 +1,6 @@
 """A recording with its column map and its ship, as a ship's logger would have written it.
 
-It was sailed by equations that the tool does not share (:mod:`shaftline.proof.example`).
+It was sailed by equations that the tool does not share (:mod:`shaftline.validation.example`).
 """
 
 from __future__ import annotations

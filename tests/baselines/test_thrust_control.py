@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reproductions.towing_tank.experiment import Air, Instruments, Programme, TankRun, sail
 from shaftline.baselines import AntiSpin, ThrustControl, ThrustControlTuning
 from shaftline.baselines.thrust_law_kernel import desired_speed, thrust_per_torque
 from shaftline.baselines.torque_loss import TORQUE_LOSS, bollard_gain, shaft_load
 from shaftline.baselines.ventilation_detection import excess_inflow, torque_ratio
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.propeller import propeller_load
-from shaftline.studies.towing_tank.experiment import Air, Instruments, Programme, TankRun, sail
 
 RIG = load_ship("towing-tank")
 DIAMETER, DENSITY = 0.25, 1000.0

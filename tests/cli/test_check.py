@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shaftline.mismatch.example import COLUMN_MAP, CONCEALED, FOLDER, RECORDING
 from shaftline.plant import load_ship, write_ship
-from shaftline.proof.example import main as write_example
+from shaftline.validation.example import main as write_example
 
 from ..mismatch.recordings.trials import voyage
 from ..mismatch.service_logs import service_log

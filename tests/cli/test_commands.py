@@ -11,7 +11,7 @@ from shaftline.cli.list_command import effects
 from shaftline.mismatch import catalogue
 from shaftline.plant import equilibrium, load_ship
 from shaftline.plant.columns import signal_columns
-from shaftline.studies.thesis.load_cases import CASES
+from shaftline.plant.load_cases import CASES
 
 from .conftest import Command
 
@@ -47,7 +47,7 @@ def recording(folder: Path, **changes: tuple[int, object]) -> Path:
         ("simulate",),
         ("reproduce",),
         ("diagnose",),
-        ("prove",),
+        ("validate",),
         ("list",),
         ("new-ship",),
     ],

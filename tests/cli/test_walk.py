@@ -18,7 +18,7 @@ import pytest
 from shaftline.baselines import controller_names, helmsman_names
 from shaftline.mismatch.numbers.pipeline import METHODS
 from shaftline.plant import load_ship
-from shaftline.studies.thesis.load_cases import CASES
+from shaftline.plant.load_cases import CASES
 
 from .walks import SHIPS, Files, done, numbers_of, one_key, packaged, refused, run
 

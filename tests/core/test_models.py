@@ -25,7 +25,7 @@ def _models(base: type[BaseModel] = BaseModel) -> list[type[BaseModel]]:
 
 def test_every_model_of_the_package_has_one_of_the_two_bases() -> None:
     for module in pkgutil.walk_packages(shaftline.__path__, "shaftline."):
-        if module.name.split(".")[1] in ("agents", "envs", "mismatch", "plant", "proof"):
+        if module.name.split(".")[1] in ("agents", "envs", "mismatch", "plant", "validation"):
             importlib.import_module(module.name)
     own = [m for m in _models() if m.__module__.startswith("shaftline.")]
     assert len(own) > 25

@@ -242,12 +242,14 @@ def test_the_digest_changes_with_a_files_name_and_not_with_notes(house: Path) ->
 def test_a_folder_holds_one_plan(tmp_path: Path) -> None:
     note = tmp_path / "plan.json"
     plan = {"seeds": 3, "ship": {"name": "frigate"}, "steps": (1, 2)}
-    refuse_another(tmp_path, note, plan, "proof")  # nothing is there yet
+    refuse_another(tmp_path, note, plan, "validation")  # nothing is there yet
     note.write_text(json.dumps(plan | {"more": 1}))
-    refuse_another(tmp_path, note, plan, "proof")
-    with pytest.raises(ValueError, match=r"holds a proof of another seeds \(3, now 4\); remove it"):
-        refuse_another(tmp_path, note, plan | {"seeds": 4}, "proof")
+    refuse_another(tmp_path, note, plan, "validation")
+    with pytest.raises(
+        ValueError, match=r"holds a validation of another seeds \(3, now 4\); remove it"
+    ):
+        refuse_another(tmp_path, note, plan | {"seeds": 4}, "validation")
     with pytest.raises(ValueError, match=r"another ship \(name: frigate, now ferry\); remove it"):
-        refuse_another(tmp_path, note, plan | {"ship": {"name": "ferry"}}, "proof")
+        refuse_another(tmp_path, note, plan | {"ship": {"name": "ferry"}}, "validation")
     with pytest.raises(ValueError, match=r"another new \(None, now 1\)"):
-        refuse_another(tmp_path, note, plan | {"new": 1}, "proof")
+        refuse_another(tmp_path, note, plan | {"new": 1}, "validation")

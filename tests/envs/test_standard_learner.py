@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import shaftline.envs  # noqa: F401 (registers the environments)
-from shaftline.studies.learners.references import reference, returns_of
-from shaftline.studies.learners.trainings import Trained
+from reproductions.learners.references import reference, returns_of
+from reproductions.learners.trainings import Trained
 
 
 @pytest.mark.slow

@@ -48,7 +48,7 @@ def _rows() -> Iterator[tuple[str, str]]:
             why = "too long" if len(place) > 200 else "is a file"
             why = "cannot be written" if place.startswith("/proc") else why
             yield f"evaluate --controller combinator --seeds 1 --out {place}/ev", why
-            yield f"prove --cases 1 --out {place}/pr", why
+            yield f"validate --cases 1 --out {place}/pr", why
     for place in ("fig", "fig.xyz", "fig.", ".png"):
         yield f"simulate --case rack_step --figure {place}", "a picture's file ends in"
     for place in ("/dev/null", "pipe.csv", "folder.toml"):
@@ -102,9 +102,9 @@ def _rows() -> Iterator[tuple[str, str]]:
     }.items():  # fmt: skip
         yield f"evaluate --controller combinator --out ev {option}", words
     for option in ("--cases 0", "--cases -1", "--cases 1000000000000"):
-        yield f"prove --out pr {option}", "--cases"
+        yield f"validate --out pr {option}", "--cases"
     for option in ("--seed -1", "--variant nobody", "--jobs 0"):
-        yield f"prove --cases 1 --out pr {option}", option.split()[0]
+        yield f"validate --cases 1 --out pr {option}", option.split()[0]
     for option, words in {
         "--speed nan": "a speed of nan", "--speed -5": "a speed of -5 is", "--drive 1e9": "from 0 to 40",
         "--speed 1e9": "a speed of 1e+09 is", "--speed 0": "a speed of 0 is", "--pitch 99": "--pitch 99",

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from reproductions.augmented_filter.falling_body import fallen, story
 from shaftline.observers.augmented import AugmentedFilter, correct, propagate
-from shaftline.studies.augmented_filter.falling_body import fallen, story
 
 RNG = np.random.default_rng(3)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shaftline.observers import follow, get_observer, observer_names, readings_of
 from shaftline.plant import Equilibrium, Schedule, Ship, equilibrium, get_sea, realise, simulate
 
-DATA = Path(__file__).parents[2] / "studies" / "data"
+DATA = Path(__file__).parents[2] / "reproductions" / "data"
 
 with (DATA / "advance_velocity_thesis_vaf.csv").open() as stream:
     PRINTED = {row["observer"]: float(row["inflow_sine_high"]) for row in csv.DictReader(stream)}

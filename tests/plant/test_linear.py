@@ -25,7 +25,7 @@ from shaftline.plant.linear import INPUTS
 from shaftline.plant.open_water import PITCH_POWERS, b_series
 from shaftline.plant.state import State, active_states
 
-DATA = Path(__file__).parents[2] / "studies" / "data"
+DATA = Path(__file__).parents[2] / "reproductions" / "data"
 POINTS = {"A": (7.03, 0.6), "B": (14.2, 0.6), "C": (9.40, 1.4), "D": (34.7, 1.4)}
 SOUND = ["pitch_ratio", "shaft_speed", "ship_speed"]
 OUTPUTS = [*SOUND, "shaft_torque"]

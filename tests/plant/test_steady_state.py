@@ -9,7 +9,7 @@ from shaftline.plant import Equilibrium, Ship, equilibrium, load_ship, ship_name
 from shaftline.plant.dynamics import evaluate
 from shaftline.plant.state import Inputs
 
-DATA = Path(__file__).parents[2] / "studies" / "data"
+DATA = Path(__file__).parents[2] / "reproductions" / "data"
 
 with (DATA / "advance_velocity_thesis_working_points.csv").open() as stream:
     WORKING_POINTS = {row.pop("point"): row for row in csv.DictReader(stream)}

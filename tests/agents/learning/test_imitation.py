@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reproductions.learners.references import EPISODES
+from reproductions.policies.trainings import BLOCKS
 from shaftline.agents import RecipeError, load_policy, read_recipe, train
 from shaftline.agents.learning import datasets, imitation
 from shaftline.agents.learning.imitation import FIRST_SEED, Demonstrations, imitate, make_plans
@@ -26,8 +28,6 @@ from shaftline.baselines import make_controller
 from shaftline.envs import FrigateEnv, get_task
 from shaftline.plant import load_ship
 from shaftline.plant.ship_files import write_ship
-from shaftline.studies.learners.references import EPISODES
-from shaftline.studies.policies.trainings import BLOCKS
 
 from ..tiny import interrupted_after_an_evaluation, plain_policy, recipe
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from reproductions.emps.runs import rig
+from reproductions.esso_osaka_model.turning import turning_ship
 from shaftline.mismatch.recordings.survey import Survey, survey
 from shaftline.plant import Ship, load_ship
-from shaftline.studies.emps.runs import rig
-from shaftline.studies.esso_osaka_model.turning import turning_ship
 
 
 def folder(name: str) -> Path:

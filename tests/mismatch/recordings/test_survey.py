@@ -15,8 +15,8 @@ from shaftline.mismatch.recordings.load import OUTSIDE
 from shaftline.mismatch.recordings.survey import survey
 from shaftline.plant import Ship, load_ship, ship_names
 from shaftline.plant.columns import signal_columns
+from shaftline.plant.load_cases import get_case
 from shaftline.plant.terms import OF_A_TURN
-from shaftline.studies.thesis.load_cases import get_case
 
 
 def test_a_good_recording_is_told_in_full(frigate: Ship) -> None:

@@ -17,7 +17,7 @@ from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship, ship_names
 from shaftline.plant.columns import signal_columns
-from shaftline.studies.thesis.load_cases import get_case
+from shaftline.plant.load_cases import get_case
 
 FAR = (-60.0, -3.0, 3.0, 60.0)
 """Coordinates far beyond any size: a search that walks on ends there."""

@@ -1,0 +1,189 @@
+"""The eight load cases of van der Kroft's thesis (section 4-1), scaled to any ship.
+
+The thesis prints the cases for a frigate. For another ship the commands are scaled by the range of its
+drive and by its highest pitch ratio, and the inflow's amplitude is scaled by n D.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .seas import get_sea
+from .ship import Ship
+from .ship_files import load_ship
+from .simulation import Schedule, simulate
+from .steady_state import equilibrium
+from .waves import realise
+
+RACK, PITCH = 22.0, 1.4
+"""Constant inputs [mm], [-] of every case that does not change them (section 4-1)."""
+
+NOISE_SNR_DB = 40.0
+"""Signal-to-noise ratio of the readings where the noisy case is simulated by itself; the thesis's
+study varies it from 0 to 100 dB."""
+
+STEP_AT = 10.0
+RACK_STEP_DURATION, PITCH_STEP_DURATION = 50.0, 76.0
+"""The scores of the steps hang on the record's length, which the thesis does not print. 50 s give its
+rack-step column; 76 s give the pitch-step scores of the two kinds of observers that use no inverse
+table (I&I low 99.94, random-walk Kalman 74.18)."""
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """One load case: what changes, from which steady state, for how long."""
+
+    name: str
+    description: str
+    schedule: Schedule
+    duration_s: float
+    start: tuple[float, float] = (RACK, PITCH)  # rack [mm] and P/D of the initial steady state
+    sea: str | None = None
+    noisy: bool = False
+
+    def run(
+        self, ship: Ship, *, seed: int = 0, dt: float | None = None, sea: str | None = None
+    ) -> NDArray[Any]:
+        """Simulate the case; SAMPLE array of shape (steps + 1,).
+
+        Args:
+            ship: the ship.
+            seed: of the sea, where the case has one.
+            dt: time step [s]; the ship's own by default.
+            sea: sea instead of the case's own, as of :func:`shaftline.plant.get_sea`.
+
+        Raises:
+            ValueError: a ship on which the case would move nothing, or without a steady state there.
+        """
+        drive, pitch, inflow = self._sizes(ship)
+        start = equilibrium(ship, drive * self.start[0], pitch * self.start[1])
+        waves = get_sea(sea or self.sea or "calm")
+        return simulate(
+            ship,
+            replace(
+                self.schedule,
+                drive=_times(self.schedule.drive, drive),
+                pitch_command=_times(self.schedule.pitch_command, pitch),
+                inflow=_times(self.schedule.inflow, inflow),
+            ),
+            self.duration_s,
+            initial=start.state,
+            sea=realise(waves, ship.propeller.depth_m, seed) if waves else None,
+            dt=dt,
+        )
+
+    def _sizes(self, ship: Ship) -> tuple[float, float, float]:
+        """By what the frigate's rack, pitch and inflow are multiplied."""
+        if not ship.has_propeller:
+            raise ValueError(f"load case {self.name!r} needs a propeller; {ship.name} has none")
+        if callable(self.schedule.pitch_command) and not ship.has_variable_pitch:
+            raise ValueError(
+                f"load case {self.name!r} needs blades that turn; {ship.name} has a fixed pitch"
+            )
+        if callable(self.schedule.resistance_factor) and not ship.moves:
+            raise ValueError(
+                f"load case {self.name!r} needs a hull that moves; {ship.name}'s is fixed"
+            )
+        printed = load_ship("frigate")
+        drive = float(ship.record()["drive_max"] / printed.record()["drive_max"])
+        pitch = ship.propeller.pitch_ratio_max / printed.propeller.pitch_ratio_max
+        return drive, pitch, _pace(ship, drive, pitch) / _pace(printed, 1.0, 1.0)
+
+
+def _pace(ship: Ship, drive: float, pitch: float) -> float:
+    """Revolutions times diameter, n D [m/s], where the cases are sailed."""
+    steady = equilibrium(ship, drive * RACK, pitch * PITCH)
+    return float(steady.state.shaft_speed / (2.0 * math.pi) * ship.propeller.diameter_m)
+
+
+def _times(value: Any, factor: float) -> Any:
+    if callable(value):
+        return lambda t: factor * value(t)
+    return factor * value
+
+
+def _step(before: float, after: float) -> Callable[[NDArray[Any]], NDArray[Any]]:
+    return lambda t: np.where(t < STEP_AT - 1e-9, before, after)
+
+
+def _sine(amplitude: float, frequency: float, mean: float = 0.0) -> Any:
+    return lambda t: mean + amplitude * np.sin(frequency * t)
+
+
+def _periods(count: int, frequency: float) -> float:
+    return count * 2.0 * math.pi / frequency
+
+
+_FAST = Schedule(RACK, PITCH, inflow=_sine(1.0, 4.0))
+
+CASES = {
+    case.name: case
+    for case in (
+        LoadCase(
+            "rack_step",
+            "fuel rack from 20 to 27.5 mm",
+            Schedule(_step(20.0, 27.5), PITCH),
+            RACK_STEP_DURATION,
+            start=(20.0, PITCH),
+        ),
+        LoadCase(
+            "pitch_step",
+            "pitch ratio from 1.25 to 1.0",
+            Schedule(RACK, _step(1.25, 1.0)),
+            PITCH_STEP_DURATION,
+            start=(RACK, 1.25),
+        ),
+        LoadCase(
+            "inflow_sine_low",
+            "inflow 1 m/s at 0.15 rad/s",
+            Schedule(RACK, PITCH, inflow=_sine(1.0, 0.15)),
+            _periods(4, 0.15),
+        ),
+        LoadCase("inflow_sine_high", "inflow 1 m/s at 4 rad/s", _FAST, _periods(20, 4.0)),
+        LoadCase(
+            "resistance_ramp",
+            "resistance factor from 1 to 1.75 in 180 s",
+            Schedule(
+                RACK, PITCH, resistance_factor=lambda t: 1.0 + 0.75 * np.clip(t / 180.0, 0, 1)
+            ),
+            300.0,
+        ),
+        LoadCase(
+            "resistance_sine",
+            "resistance factor 1 +- 0.25 at 0.0785 rad/s (amplitude assumed)",
+            Schedule(RACK, PITCH, resistance_factor=_sine(0.25, 0.0785, mean=1.0)),
+            _periods(4, 0.0785),
+        ),
+        LoadCase(
+            "jonswap",
+            "head seas, Hs 2.9 m, Tp 9.3 s, propeller 4 m deep",
+            Schedule(RACK, PITCH),
+            300.0,
+            sea="thesis",
+        ),
+        LoadCase(
+            "measurement_noise",
+            "inflow 1 m/s at 4 rad/s with white noise on every reading",
+            _FAST,
+            _periods(20, 4.0),
+            noisy=True,
+        ),
+    )
+}
+
+
+def get_case(name: str) -> LoadCase:
+    """Load case by name.
+
+    Raises:
+        ValueError: unknown name; the message lists the known ones.
+    """
+    if name not in CASES:
+        raise ValueError(f"unknown load case {name!r}; known: {', '.join(CASES)}")
+    return CASES[name]

@@ -1,0 +1,307 @@
+"""The two controllers in numbers: their loops beside what is printed, and their voyages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from shaftline.baselines.loop_shaping import (
+    COURSE_LOOP,
+    TAYLOR,
+    TAYLOR_GEAR,
+    TRACK_LOOP,
+    Factors,
+    ShapedLaw,
+    heading_plant,
+    shaped,
+    steered_at,
+    track_plant,
+)
+from shaftline.core.lazy import control
+from shaftline.plant.loops import Loop
+
+from . import voyages
+
+CONTROLLER_GAIN_DB = 8.0
+"""Printed gain of the controller at the frequency of the noise, which is not printed itself."""
+
+SHARES = (0.6, 1.0, 1.4)
+CALM, BEAM_SEA = "current carried", "current carried, waves on the beam"
+TRACK_VOYAGES: dict[str, tuple[str, str | None]] = {
+    CALM: (voyages.CARRIED, None),
+    BEAM_SEA: (voyages.CARRIED, voyages.REFLECTED),
+    "current carried, waves on a wall": (voyages.CARRIED, voyages.WALL),
+    "current met": (voyages.MET, None),
+}
+"""Kind of current, and force of a sea of state 4 on the beam."""
+
+HEADINGS_DEG = (15.0, 30.0, 45.0, 60.0, 90.0, 120.0, 150.0)
+"""Of the seas of state 4 that are tried; 0 following."""
+
+TURN_RATES_DEG = (8.0, 10.0, 12.0, 14.0, 16.0)
+"""Rates of the dead-reckoned turns that are tried, a ship length."""
+
+STEADY = (105.0, 140.0)
+"""Steady part of the track change between its two turns [ship lengths]."""
+
+AUTOPILOT_TICKS, TRACK_TICKS = 6, 2 + len(TRACK_VOYAGES)
+
+
+class Numbers(NamedTuple):
+    """What is printed of a loop, as ours; the names are those of the JSON."""
+
+    gain_margin_dB: float
+    phase_margin_deg: float
+    overshoot_percent: float
+    settling_lengths: float
+
+
+def loop_numbers(loop: Loop) -> Numbers:
+    """Margins and step of a loop in ship lengths."""
+    margins, step = loop.margins(), loop.step_measures()
+    return Numbers(
+        margins.gain_margin_dB, margins.phase_margin_deg, step.overshoot_percent, step.settling
+    )
+
+
+def designed(loop: Factors, plant: Factors) -> Loop:
+    """The loop of a plant and of the controller that is shaped for it."""
+    return Loop.of(plant.system, shaped(loop, plant))
+
+
+def thesis_loop(track: bool) -> Loop:
+    """The loop as the thesis has it, on its K, T and steering gear."""
+    if track:
+        return designed(TRACK_LOOP, track_plant(TAYLOR, TAYLOR_GEAR))
+    return designed(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
+
+
+def as_it_acts(track: bool) -> Numbers:
+    """The same controller on the surrogate's own linear steering, at intervals."""
+    ship, point = voyages.ship(), voyages.straight()
+    own = steered_at(ship, point)
+    kind, plant = (TRACK_LOOP, track_plant(*own)) if track else (COURSE_LOOP, heading_plant(*own))
+    law = ShapedLaw(shaped(kind, plant))
+    way = voyages.INTERVAL_S / voyages.length_s()
+    return loop_numbers(Loop.of(voyages.linear_plant(track), law.sampled(way)))
+
+
+def robustness() -> pd.DataFrame:
+    """The autopilot's margins where K and T are not what it was shaped for: nine plants."""
+    controller = shaped(COURSE_LOOP, heading_plant(TAYLOR, TAYLOR_GEAR))
+    rows = []
+    for gain in SHARES:
+        for time in SHARES:
+            wrong = TAYLOR._replace(gain=gain * TAYLOR.gain, time=time * TAYLOR.time)
+            found = loop_numbers(Loop.of(heading_plant(wrong, TAYLOR_GEAR).system, controller))
+            rows.append(("K times " + str(gain), "T times " + str(time), *found))
+    return pd.DataFrame(rows, columns=["gain", "time", *Numbers._fields])
+
+
+def autopilot_loop() -> dict[str, float]:
+    """What section 5.2.2 prints of the autopilot's loop, by name."""
+    loop = thesis_loop(track=False)
+    plant = heading_plant(TAYLOR, TAYLOR_GEAR)
+    controller = shaped(COURSE_LOOP, plant)
+    noise = noise_frequency(controller)
+    at_low = 20.0 * math.log10(abs(loop.response(np.array([0.01]))[0]))
+    return (
+        loop_numbers(loop)._asdict()
+        | {
+            "crossover_rad_per_length": loop.margins().crossover,
+            "gain_at_0.01_dB": at_low,
+            "noise_frequency_rad_per_length": noise,
+            "controller_gain_at_noise_dB": decibels(controller, noise),
+            "plant_gain_at_noise_dB": decibels(plant.system, noise),
+        }
+        | {f"robust_performance_{name}": bound.whole for name, bound in bounds(loop).items()}
+    )
+
+
+def decibels(system: control.StateSpace, frequency: float) -> float:
+    """Return the gain of a system [dB].
+
+    Args:
+        system: linear, time in ship lengths.
+        frequency: [rad per ship length].
+    """
+    return 20.0 * math.log10(abs(complex(system(1j * frequency))))
+
+
+def noise_frequency(controller: control.StateSpace) -> float:
+    """Return where the controller has the printed gain of 8 dB [rad per ship length]."""
+
+    def missing(frequency: float) -> float:
+        return decibels(controller, frequency) - CONTROLLER_GAIN_DB
+
+    return float(scipy.optimize.brentq(missing, 1.0, 20.0, xtol=1e-9))
+
+
+class Bound(NamedTuple):
+    """Largest values over all frequencies of the terms of eq. 5.23."""
+
+    whole: float  # |W1 S| + |W2 T|
+    missed: float  # |W1 S|
+    wrong: float  # |W2 T|
+
+
+PERFORMANCE_WEIGHTS: dict[str, Callable[[Any], Any]] = {
+    "first order": lambda s: 1.0 / (s + 0.01),
+    "second order": lambda s: 100.0 / (1.0 + s / 0.01) ** 2,
+    "held": lambda s: np.where(np.abs(s) <= 0.01 * (1.0 + 1e-9), 100.0, 0.0),
+}
+"""W1 that ask for errors of at most 1 % at rest: 1 / (s + 0.01), 100 / (1 + s / 0.01)^2, and 100 up to
+0.01 rad per ship length, the demand as section 5.1.4 words it.
+"""
+
+
+def bounds(loop: Loop) -> dict[str, Bound]:
+    """Return eq. 5.23 with each of :data:`PERFORMANCE_WEIGHTS`; the design asks for less than 1.
+
+    The thesis prints no weights. W2 = 0.4 (1 + s / 10) / (1 + s / 100) is assumed: a plant that is 40 %
+    wrong, and more beyond 10.
+    """
+    grid = np.append(np.geomspace(1e-4, 1e3, 6000), 0.01)
+    response, s = loop.response(grid), 1j * grid
+    wrong = np.abs(0.4 * (1.0 + s / 10.0) / (1.0 + s / 100.0) * response / (1.0 + response))
+    found = {}
+    for name, weight in PERFORMANCE_WEIGHTS.items():
+        missed = np.abs(weight(s) / (1.0 + response))
+        found[name] = Bound(float((missed + wrong).max()), float(missed.max()), float(wrong.max()))
+    return found
+
+
+def _between(table: pd.DataFrame, first: float, last: float) -> pd.DataFrame:
+    return table[(table["way"] >= first) & (table["way"] < last)]
+
+
+def autopilot_voyages(
+    tick: Callable[[], None],
+) -> tuple[dict[str, pd.DataFrame], dict[str, float]]:
+    """The autopilot's voyages, by name, and what they measure.
+
+    Args:
+        tick: called three times.
+    """
+    length = voyages.ship().manoeuvring.length_m
+    blown = voyages.blown()
+    tick()
+    met = voyages.into_current()
+    tick()
+    turns = voyages.two_turns()
+    tick()
+    rest = _between(blown, 20.0, 30.0)
+    found = {
+        "blown_heading_peak_deg": math.degrees(blown["heading_rad"].abs().max()),
+        "blown_heading_end_deg": math.degrees(rest["heading_rad"].mean()),
+        "blown_drift_lengths": abs(blown["cross_track_m"].iloc[-1]) / length,
+        "blown_rudder_amplitude_deg": math.sqrt(2.0) * math.degrees(rest["rudder_rad"].std()),
+        "blown_command_rms_deg": math.degrees(rest["rudder_command_rad"].std()),
+        "met_heading_peak_deg": math.degrees(met["heading_rad"].abs().max()),
+        "met_drift_lengths": abs(met["cross_track_m"].iloc[-1]) / length,
+    }
+    found |= turning(turns)
+    rest = _between(turns, 80.0, 90.0)
+    found["turn_heading_error_end_deg"] = math.degrees(
+        abs((rest["heading_rad"] - rest["aim"]).mean())
+    )
+    found["turn_speed_loss_percent"] = 100.0 * (
+        1.0 - turns["ship_speed_m_s"].min() / turns["ship_speed_m_s"].iloc[0]
+    )
+    return {"blown": blown, "met": met, "turns": turns}, found
+
+
+def turning(turns: pd.DataFrame) -> dict[str, float]:
+    """Return errors of the dead-reckoned track [ship lengths], sweep of the rudder [deg] and its time.
+
+    Args:
+        turns: from :func:`.voyages.two_turns`.
+    """
+    place = turns[["position_m", "cross_track_m"]].to_numpy() / voyages.ship().manoeuvring.length_m
+    off = np.hypot(*(place - voyages.dead_reckoned(turns)).T)
+    busy = _between(turns, 0.0, 50.0)
+    rudder = np.degrees(busy["rudder_rad"].to_numpy())
+    at_work = busy["time_s"].to_numpy()[np.abs(rudder) > 0.1 * np.abs(rudder).max()]
+    return {
+        "first_turn_error_lengths": float(np.interp(48.0, turns["way"], off)),
+        "second_turn_error_lengths": float(off[-1]),
+        "turn_rudder_sweep_deg": float(np.ptp(rudder)),
+        "turn_minutes": float(np.ptp(at_work)) / 60.0,
+    }
+
+
+def turn_rates() -> pd.DataFrame:
+    """Return :func:`turning` for each of :data:`TURN_RATES_DEG`."""
+    rows = [{"rate_deg_per_length": r} | turning(voyages.two_turns(r)) for r in TURN_RATES_DEG]
+    return pd.DataFrame(rows)
+
+
+def oscillation(track: pd.DataFrame) -> tuple[float, float]:
+    """Return mean and amplitude of the cross-track error over :data:`STEADY` [ship lengths].
+
+    Args:
+        track: from :func:`.voyages.track_change`.
+    """
+    part = _between(track, *STEADY)
+    off = (part["cross_track_m"] - part["aim"]) / voyages.ship().manoeuvring.length_m
+    return float(off.mean()), float((off - off.mean()).abs().max())
+
+
+def waves_tried() -> pd.DataFrame:
+    """Return mean and amplitude of the track's error in seas of state 4, by force and direction."""
+    tried = [(voyages.REFLECTED, 90.0, seed) for seed in (1, 2, 3)]
+    tried += [(voyages.WALL, 90.0, 1)]
+    tried += [(voyages.ORBITAL, heading, 1) for heading in HEADINGS_DEG]
+    rows = []
+    for kind, heading, seed in tried:
+        sea = voyages.in_waves(kind, seed, heading)
+        mean, amplitude = oscillation(voyages.track_change(sea=sea, seed=seed))
+        rows.append(
+            {
+                "force": kind, "waves from astern by [deg]": heading, "seed": seed,
+                "force, mean [kN]": 1e-3 * sea[1].side_N.mean(),
+                "force, standard deviation [kN]": 1e-3 * sea[1].side_N.std(),
+                "mean off the track [L]": mean, "amplitude [L]": amplitude,
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def track_voyages(
+    tick: Callable[[], None],
+) -> tuple[dict[str, pd.DataFrame], dict[str, dict[str, float]]]:
+    """The track changes of :data:`TRACK_VOYAGES`, and what each measures.
+
+    Args:
+        tick: called after each.
+    """
+    length = voyages.ship().manoeuvring.length_m
+    sailed, found = {}, {}
+    for name, (current, force) in TRACK_VOYAGES.items():
+        sea = None if force is None else voyages.in_waves(force, 1)
+        track = sailed[name] = voyages.track_change(current, sea)
+        off = (track["cross_track_m"] - track["aim"]) / length
+        track = track.assign(off=off, size=off.abs(), rudder=np.degrees(track["rudder_rad"]).abs())
+        gust = _between(track, voyages.GUST_AT, voyages.LEFT_AT)
+        changes = _between(track, voyages.LEFT_AT, voyages.END_AT)
+        back = _between(track, voyages.BACK_AT, voyages.BACK_AT + voyages.CHANGE_LENGTHS)
+        away = gust["way"][gust["size"] > 0.02]
+        found[name] = {
+            "gust_excursion_lengths": gust["off"].max(),
+            "gust_overshoot_lengths": max(0.0, -gust["off"].min()),
+            "gust_over_after_lengths": float(away.max()) - voyages.GUST_AT,
+            "gust_rudder_deg": gust["rudder"].max(),
+            "crab_deg": math.degrees(_between(gust, 50.0, 60.0)["heading_rad"].mean()),
+            "change_error_lengths": changes["size"].max(),
+            "change_rudder_deg": changes["rudder"].max(),
+            "heading_on_return_deg": math.degrees(back["heading_rad"].max()),
+            "end_error_lengths": _between(track, 200.0, voyages.END_AT)["size"].max(),
+            "steady_amplitude_lengths": oscillation(track)[1],
+        }
+        tick()
+    return sailed, found

@@ -1,0 +1,248 @@
+"""Storms in which the anti-spin controller is tried: the frigate light, its propellers near the surface.
+
+The plant is stepped as the environment steps it: commands held over a control interval, instruments
+read at its end. What the tests score is the truth, which the controller never sees.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shaftline.baselines.actions import decode
+from shaftline.baselines.anti_spin import AntiSpin
+from shaftline.baselines.controller import OBSERVED
+from shaftline.baselines.torque_loss import estimated_propeller_torque
+from shaftline.core.compiled import Record, compiled
+from shaftline.envs.tasks import get_task
+from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
+from shaftline.plant.memory import MEMORY
+from shaftline.plant.state import STATE
+from shaftline.plant.stepping import Disturbance, observe, prepare, step
+from shaftline.plant.term_kernel import NO_SIGNALS
+from shaftline.plant.waves import SEA
+
+INTERVAL_STEPS = 10
+ORDER_M_S = 8.0
+RESISTANCE_FACTOR = 1.6
+"""Over calm water's; assumed, since the plant knows no added resistance of waves."""
+
+STORM = np.dtype(
+    [(name, np.float64) for name in (
+        "thrust", "thrust_power", "power", "peak_power", "shaft_speed", "peak_speed", "ship_speed",
+        "ventilation", "propeller_torque", "rack",
+    )]
+)  # fmt: skip
+"""What is true of a control interval; units as of :class:`Storm`."""
+
+READING = np.dtype([(name, np.float64) for name in OBSERVED])
+"""What the controller is shown."""
+
+
+class Storm(NamedTuple):
+    """A run of n ships: columns of shape (n, intervals)."""
+
+    thrust: NDArray[np.float64]  # mean of the interval [N]
+    thrust_power: NDArray[np.float64]  # mean of T v_a [W]
+    power: NDArray[np.float64]  # mean of the engine's power [W]
+    peak_power: NDArray[np.float64]
+    shaft_speed: NDArray[np.float64]  # mean [rad/s]
+    peak_speed: NDArray[np.float64]
+    ship_speed: NDArray[np.float64]  # at the end [m/s]
+    ventilation: NDArray[np.float64]  # at the end [-]
+    propeller_torque: NDArray[np.float64]  # at the end [N m]
+    rack: NDArray[np.float64]  # commanded [mm]
+    detected: NDArray[np.bool_]  # at the start, like the next two
+    torque_estimate: NDArray[np.float64]  # Q_p-hat [N m]
+    torque_ratio: NDArray[np.float64]  # beta_Q-hat [-]
+
+
+def storm_frigate(**values: Any) -> Ship:
+    """Return the frigate as in the environment's storm task, with some of its parameters changed."""
+    return load_ship("frigate").with_values(dict(get_task("storm").ship) | values)
+
+
+@compiled
+def _interval(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    rack: float,
+    pitch: float,
+    resistance_factor: float,
+    truth: Record,
+    reading: Record,
+    dt: float,
+) -> None:
+    steady = Disturbance(0.0, 0.0, resistance_factor, NO_SIGNALS)
+    for _ in range(INTERVAL_STEPS):
+        speed = state.shaft_speed
+        outputs = step(plant, state, memory, sea, rack, pitch, 0.0, steady, steady, steady, dt)
+        power = outputs.brake_torque * plant.gear_ratio * speed
+        truth.thrust += outputs.thrust / INTERVAL_STEPS
+        truth.thrust_power += outputs.thrust * outputs.advance_velocity / INTERVAL_STEPS
+        truth.power += power / INTERVAL_STEPS
+        truth.peak_power = max(truth.peak_power, power)
+        truth.shaft_speed += speed / INTERVAL_STEPS
+        truth.peak_speed = max(truth.peak_speed, speed)
+    outputs = observe(plant, state, memory, sea, pitch, 0.0, steady, dt)
+    truth.ship_speed = state.ship_speed
+    truth.ventilation = state.ventilation
+    truth.propeller_torque = outputs.propeller_torque
+    truth.rack = rack
+    _read(memory, outputs.advance_velocity, reading)
+
+
+@compiled
+def _read(memory: Record, advance_velocity: float, reading: Record) -> None:
+    reading.shaft_speed = memory.shaft_speed
+    reading.measured_shaft_torque = memory.shaft_torque
+    reading.measured_pitch_ratio = memory.pitch_ratio
+    reading.fuel_rack = memory.rack
+    reading.measured_ship_speed = memory.speed_log
+    reading.estimated_advance_velocity = advance_velocity
+    reading.estimate_valid = 1.0
+
+
+def sail(
+    ship: Ship,
+    controller: AntiSpin,
+    *,
+    order_m_s: float = ORDER_M_S,
+    start_m_s: float | None = None,
+    sea: str = "calm",
+    seeds: range = range(1),
+    duration_s: float = 300.0,
+    resistance_factor: float = 1.0,
+) -> Storm:
+    """Sail one ship a seed, all under one controller; the first 30 s are not kept.
+
+    Args:
+        ship: a ship with a diesel.
+        controller: of all of them.
+        order_m_s: ordered ship speed [m/s].
+        start_m_s: ship speed at first [m/s]; the order by default.
+        sea: name of a preset, head seas.
+        seeds: of the sea, one a ship.
+        duration_s: with the 30 s [s].
+        resistance_factor: over calm water's [-].
+    """
+    n, dt = len(seeds), ship.time_step_s
+    plant = ship.record()
+    spectrum = get_sea(sea)
+    seas = np.zeros(n, SEA)
+    states, memories = np.zeros(n, STATE), np.zeros(n, MEMORY)
+    row = controller.curve.at(np.array([order_m_s]))
+    start = equilibrium(ship, 20.0, float(row.pitch_ratio[0]))
+    first = start.state._replace(
+        shaft_speed=float(row.shaft_speed[0]), ship_speed=start_m_s or order_m_s
+    )
+    readings = np.zeros(n, READING)
+    for i, seed in enumerate(seeds):
+        if spectrum is not None:
+            seas[i] = realise(spectrum, float(plant["depth"]), seed)
+        states[i] = tuple(float(value) for value in first)
+        rack = float(start.inputs.drive)
+        begin = Disturbance(0.0, 0.0, resistance_factor)
+        prepare(plant, states[i], memories[i], seas[i], rack, begin, dt)
+        _read(memories[i], 0.0, readings[i])
+    readings["speed_order"] = order_m_s
+    intervals = round(duration_s / (INTERVAL_STEPS * dt))
+    truths = np.zeros((intervals, n), STORM)
+    detected = np.zeros((intervals, n), bool)
+    torque = np.zeros((intervals, n))
+    ratio = np.zeros((intervals, n))
+    memory: Any = None
+    for k in range(intervals):
+        seen = readings.view(np.float64).reshape(n, -1)
+        action, memory = controller.predict(seen, memory)
+        detected[k] = memory["detection"]["ventilating"] != 0
+        ratio[k] = memory["detection"]["torque_ratio"]
+        estimate = memory["estimate"]
+        torque[k] = [estimated_propeller_torque(plant, one) for one in estimate]
+        for i, (turned, moved) in enumerate(action.tolist()):
+            pitch = decode(turned, plant["pitch_ratio_min"], plant["pitch_ratio_max"])
+            fuel = decode(moved, plant["drive_min"], plant["drive_max"])
+            _interval(plant, states[i], memories[i], seas[i], fuel, pitch,
+                      resistance_factor, truths[k, i], readings[i], dt)  # fmt: skip
+    kept = slice(round(30.0 / (INTERVAL_STEPS * dt)), None)
+    columns = {name: truths[name][kept].T for name in STORM.names or ()}
+    return Storm(
+        **columns,
+        detected=detected[kept].T,
+        torque_estimate=torque[kept].T,
+        torque_ratio=ratio[kept].T,
+    )
+
+
+def truth_and_detection(storm: Storm) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether the propeller was more than half ventilated, and whether the detector said so."""
+    return storm.ventilation[:, :-1] > 0.5, storm.detected[:, 1:]
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.diff(np.concatenate([[0], flags.astype(int), [0]]))
+    return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True))
+
+
+def event_counts(
+    truth: NDArray[np.bool_], detected: NDArray[np.bool_], slack: int = 2
+) -> NDArray[np.float64]:
+    """Right calls, calls, events found and events of each ship, shape (n, 4).
+
+    Events are runs; a call is right that overlaps one or comes up to ``slack`` samples late.
+    """
+    rows = []
+    for happened, called in zip(truth, detected, strict=True):
+        real, found = _runs(happened), _runs(called)
+        hits = [[a < end + slack and b > start for a, b in found] for start, end in real]
+        table = np.array(hits, dtype=bool).reshape(len(real), len(found))
+        rows.append((table.any(axis=0).sum(), len(found), table.any(axis=1).sum(), len(real)))
+    return np.array(rows, dtype=np.float64)
+
+
+def event_scores(
+    truth: NDArray[np.bool_], detected: NDArray[np.bool_], slack: int = 2
+) -> tuple[float, float]:
+    """Precision and recall by events; see :func:`event_counts`."""
+    right, calls, found, events = event_counts(truth, detected, slack).sum(axis=0)
+    return right / max(calls, 1.0), found / max(events, 1.0)
+
+
+def sample_scores(
+    truth: NDArray[np.bool_], detected: NDArray[np.bool_], late: int = 0
+) -> tuple[float, float]:
+    """Precision and recall by samples, with the truth shifted ``late`` samples later."""
+    happened = truth[:, : truth.shape[1] - late]
+    called = detected[:, late:]
+    both = float(np.sum(happened & called))
+    return both / max(float(called.sum()), 1.0), both / max(float(happened.sum()), 1.0)
+
+
+def storm_pair(seeds: range, **values: Any) -> tuple[Storm, Storm]:
+    """The same storms of state 6 with and without anti-spin, the ship's file changed by ``values``."""
+    ship = storm_frigate(**values)
+    with_it, without = (
+        sail(ship, AntiSpin(ship, anti_spin=switch), sea="state-6", seeds=seeds,
+             resistance_factor=RESISTANCE_FACTOR)
+        for switch in (True, False)
+    )  # fmt: skip
+    return with_it, without
+
+
+def key_numbers(storm: Storm) -> dict[str, NDArray[np.float64]]:
+    """What the paper's Table 1 and Figure 6 show, a value a seed."""
+    power = storm.power.mean(axis=1)
+    return {
+        "mean thrust [kN]": storm.thrust.mean(axis=1) / 1e3,
+        "mean power [kW]": power / 1e3,
+        "highest power [kW]": storm.peak_power.max(axis=1) / 1e3,
+        "energy efficiency (27) [-]": storm.thrust_power.mean(axis=1) / power,
+        "thrust per power [N/kW]": storm.thrust.mean(axis=1) / power * 1e3,
+        "mean shaft speed [rad/s]": storm.shaft_speed.mean(axis=1),
+        "highest shaft speed [rad/s]": storm.peak_speed.max(axis=1),
+        "ship speed [m/s]": storm.ship_speed.mean(axis=1),
+    }

@@ -1,0 +1,236 @@
+"""The linear plant that the thesis's own printed poles, zeros and gains imply (Tables 2-2 to 2-14).
+
+From eq. 2-35 with r = 2 d c1 v / m and q = c1 v^2 / m, for the states omega and v_s:
+
+    p1 p2 = a22 a33 - a23 a32,   p1 + p2 = a22 + a33,   zero of v_s/d_c1 (Table 2-10) = a22,
+    gain of omega/d_c1 (Table 2-9) = -a23 q / (p1 p2)
+
+so the printed numbers give the four elements, and with Y = rho D^5 / (4 pi^2 I)
+
+    a22 = e - Y omega (2 KQ - J dKQ/dJ),   a23 = -2 pi Y (1 - w) / D dKQ/dJ,   e = a i^2 eta / I
+
+give KQ and its slope. The column of the pitch follows from the gains of Tables 2-3 and 2-4.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from shaftline.core.lazy import control
+from shaftline.plant import Ship
+from shaftline.plant.open_water import MAX_ADVANCE_RATIO, open_water
+
+from ..side_by_side import published
+from .poles import reduced
+from .printed_lines import printed
+
+POINTS = "ABCD"
+GAUGE = {"2-5": "pitch_command", "2-8": "drive", "2-11": "resistance_factor", "2-14": "inflow"}
+"""Tables of the transfers to M_m, and their inputs."""
+
+_INPUTS = ("pitch_command", "drive", "resistance_factor", "inflow")
+
+
+class PrintedPlant(NamedTuple):
+    """The linear model that the print implies at one point."""
+
+    system: control.StateSpace
+    """From pitch command, rack, resistance factor and inflow to pitch ratio, omega, v_s and M_m."""
+    gauge: tuple[tuple[float, ...], tuple[float, ...]]
+    """Row of M_m in C and in D (eq. 2-31)."""
+    advance_ratio: float
+    torque: float
+    """KQ."""
+    torque_slope: float
+    """dKQ/dJ."""
+    thrust: float
+    """KT."""
+    thrust_slope: float
+    """dKT/dJ."""
+
+
+def implied(ship: Ship, point: str, gauge_point: str | None = None) -> PrintedPlant:
+    """Return the linear model that the printed numbers of one point imply.
+
+    Args:
+        ship: the thesis's frigate, for the numbers of Table B-1.
+        point: A, B, C or D.
+        gauge_point: point whose row of M_m is taken; the point itself by default.
+    """
+    record = ship.record()
+    behind, ahead = (float(record[f"inertia_{side}_side"]) for side in ("propeller", "engine"))
+    inertia, mass = behind + ahead, float(record["mass"])
+    gear = float(record["gear_ratio"])
+    engine = gear * float(record["transmission_efficiency"]) / inertia
+    by_speed, by_rack = (
+        engine * gear * float(record["torque_per_speed"]),
+        engine * float(record["torque_per_rack"]),
+    )
+    at = published("advance_velocity_thesis_working_points").loc[point]
+    omega, speed = float(at["shaft_speed_rad_s"]), float(at["ship_speed_m_s"])
+    inflow = 1.0 - float(record["wake_fraction"])
+    diameter, density = float(record["diameter"]), float(record["density"])
+    resisting = float(record["resistance_coefficient"]) * speed / mass  # c1 v / m [1/s]
+
+    poles = printed("2-6", point).poles
+    product, total = poles[0] * poles[1], poles[0] + poles[1]
+    a22 = printed("2-10", point).zeros[0]
+    a33 = total - a22
+    a23 = -printed("2-9", point).gain * product / (resisting * speed)
+    a32 = (a22 * a33 - product) / a23
+    to_omega, to_speed = (printed(table, point).gain for table in ("2-3", "2-4"))
+    a21, a31 = (-(row[0] * to_omega + row[1] * to_speed) for row in ((a22, a23), (a32, a33)))
+    lag = 1.0 / float(record["pitch_time_constant"])
+
+    a = [[-lag, 0.0, 0.0], [a21, a22, a23], [a31, a32, a33]]
+    b = [
+        [lag, 0.0, 0.0, 0.0],
+        [0.0, by_rack, 0.0, a23 / inflow],
+        [0.0, 0.0, -resisting * speed, (a33 + 2.0 * resisting) / inflow],
+    ]
+    row = (
+        (-ahead * a21, ahead * (by_speed - a22) + behind * by_speed, -ahead * a23),
+        (0.0, behind * by_rack, 0.0, -ahead * a23 / inflow),
+    )
+    gauge = row if gauge_point is None else implied(ship, gauge_point).gauge
+    c, d = np.vstack([np.eye(3), gauge[0]]), np.vstack([np.zeros((3, 4)), gauge[1]])
+    outputs = ["pitch_ratio", "shaft_speed", "ship_speed", "shaft_torque"]
+    system = control.ss(a, b, c, d, inputs=list(_INPUTS), outputs=outputs)
+
+    advance = inflow * speed / (omega / (2.0 * math.pi) * diameter)
+    y = density * diameter**5 / (4.0 * math.pi**2) / inertia
+    z = float(record["propellers"]) * (1.0 - float(record["thrust_deduction"])) * density
+    z *= diameter**4 / (4.0 * math.pi**2) / mass
+    by_velocity = omega * inflow * 2.0 * math.pi / (omega * diameter)
+    torque_slope = -a23 / (y * omega * by_velocity)
+    thrust_slope = (a33 + 2.0 * resisting) / (z * omega * by_velocity)
+    return PrintedPlant(
+        system, gauge, advance,
+        0.5 * ((by_speed - a22) / (y * omega) + advance * torque_slope), torque_slope,
+        0.5 * (a32 / (z * omega) + advance * thrust_slope), thrust_slope,
+    )  # fmt: skip
+
+
+def steepest_slope(ship: Ship, coefficient: str, pitch_ratio: float) -> float:
+    """Return the steepest (least) dK/dJ of the open-water curve at any J from 0 to that of K = 0.
+
+    Differences of the curve over any step lie between its least and largest slope, so no table of the
+    curve, however coarse, is steeper.
+
+    Args:
+        ship: the thesis's frigate.
+        coefficient: ``kq`` or ``kt``.
+        pitch_ratio: P/D [-].
+    """
+    curve = ship.record()[coefficient]
+    j = np.arange(0.0, MAX_ADVANCE_RATIO, 1e-3)
+    k = np.array([open_water(curve, one, pitch_ratio) for one in j])
+    return float(np.min(np.diff(k)[k[1:] > 0.0]) / 1e-3)
+
+
+def _value_and_slope(
+    ship: Ship, coefficient: str, j: float, pitch_ratio: float
+) -> tuple[float, float]:
+    curve, step = ship.record()[coefficient], 1e-4
+    low, middle, high = (open_water(curve, j + by, pitch_ratio) for by in (-step, 0.0, step))
+    return float(middle), float((high - low) / (2.0 * step))
+
+
+def _pitch(point: str) -> float:
+    return float(published("advance_velocity_thesis_working_points").loc[point, "pitch_ratio"])
+
+
+def other_propellers(ship: Ship) -> pd.DataFrame:
+    """Return B-series propellers, those first whose KQ, KT and slopes are nearest to the implied ones.
+
+    Args:
+        ship: the thesis's frigate.
+
+    Returns:
+        Columns blades, area ratio, rms of the eight relative differences, and the differences of the
+        slopes at A [%]; the closest first.
+    """
+    wanted = {point: implied(ship, point) for point in "AC"}
+    rows = []
+    for blades in range(2, 8):
+        for area in np.arange(0.3, 1.051, 0.05).round(2):
+            one = ship.with_values(
+                {"propeller.blades": blades, "propeller.expanded_area_ratio": float(area)}
+            )
+            off: dict[str, float] = {}
+            for point, told in wanted.items():
+                for name, value, slope in (
+                    ("KQ", told.torque, told.torque_slope), ("KT", told.thrust, told.thrust_slope)
+                ):  # fmt: skip
+                    mine = _value_and_slope(one, name.lower(), told.advance_ratio, _pitch(point))
+                    off[f"{name} at {point} [%]"] = 100.0 * (mine[0] / value - 1.0)
+                    off[f"d{name}/dJ at {point} [%]"] = 100.0 * (mine[1] / slope - 1.0)
+            rms = float(np.sqrt(np.mean(np.square(list(off.values())))))
+            rows.append({"blades": blades, "area ratio": float(area), "rms [%]": rms, **off})
+    return pd.DataFrame(rows).sort_values("rms [%]", ignore_index=True)
+
+
+def slopes(ship: Ship) -> pd.DataFrame:
+    """Return KQ, KT and their slopes that the print implies at A to D, beside B5-90's."""
+    rows = []
+    for point in POINTS:
+        found, pitch = implied(ship, point), _pitch(point)
+        for name, value, slope in (
+            ("KQ", found.torque, found.torque_slope),
+            ("KT", found.thrust, found.thrust_slope),
+        ):
+            own = _value_and_slope(ship, name.lower(), found.advance_ratio, pitch)
+            rows.append(
+                {"point": point, "coefficient": name, "J": found.advance_ratio, "implied": value,
+                 "B5-90": own[0], "implied slope": slope, "slope of B5-90": own[1],
+                 "steepest slope of B5-90 at this pitch": steepest_slope(ship, name.lower(), pitch)}
+            )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def common_row() -> tuple[dict[str, float], float]:
+    """Return the one row of M_m that is nearest to all printed gains of Tables 2-5, 2-8, 2-11 and 2-14.
+
+    Each gain is (row to omega) x (gain to omega) + (row to v_s) x (gain to v_s) + what the input adds
+    itself; the resistance adds nothing. Least squares of the relative differences.
+
+    Returns:
+        The row by signal [N m per unit], and the largest relative difference from a printed gain.
+    """
+    signals = ("omega", "v_s", "P/D", "X", "u_x")
+    direct = {"2-5": "P/D", "2-8": "X", "2-14": "u_x"}
+    beside = {"2-5": ("2-3", "2-4"), "2-8": ("2-6", "2-7"), "2-11": ("2-9", "2-10"),
+              "2-14": ("2-12", "2-13")}  # fmt: skip
+    lines = []
+    for table in GAUGE:
+        for point in POINTS:
+            line = dict.fromkeys(signals, 0.0)
+            line["omega"], line["v_s"] = (printed(one, point).gain for one in beside[table])
+            if table in direct:
+                line[direct[table]] = 1.0
+            lines.append([line[name] / printed(table, point).gain for name in signals])
+    row = np.linalg.lstsq(np.array(lines), np.ones(len(lines)), rcond=None)[0]
+    worst = float(np.max(np.abs(np.array(lines) @ row - 1.0)))
+    return dict(zip(signals, row.tolist(), strict=True)), worst
+
+
+def repeated_row(ship: Ship) -> pd.DataFrame:
+    """Return gains and zeros to M_m at B, C and D: by the point's own row, by A's row, and printed."""
+    rows = []
+    for point in POINTS[1:]:
+        systems = {"own": implied(ship, point).system, "A": implied(ship, point, "A").system}
+        for table, source in GAUGE.items():
+            told = printed(table, point)
+            line: dict[str, object] = {"table": table, "input": source, "point": point}
+            for who, system in systems.items():
+                _, zeros, gain = reduced(system["shaft_torque", source])
+                line[f"gain, row of {who}"] = gain
+                line[f"zeros, row of {who}"] = ", ".join(f"{zero:.4f}" for zero in zeros)
+            line["gain printed"] = told.gain
+            line["zeros printed"] = ", ".join(f"{zero:.4f}" for zero in told.zeros)
+            rows.append(line)
+    return pd.DataFrame(rows)

@@ -1,0 +1,147 @@
+"""Tito Neri's table under the catalogue: which effect brings the model nearest five steady states.
+
+Only a table was published, so this is no diagnosis: there is no time, no noise and no transient, and
+ten numbers. Each effect of the catalogue that acts on a motor in steady running ahead is fitted to the
+points, and judged on each point that it was not fitted to.
+
+Run ``python -m reproductions tito_neri.effects --out docs/results``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import scipy
+from numpy.typing import NDArray
+
+from shaftline.cli.tour import MODELS
+from shaftline.display.tables import markdown, write_table
+from shaftline.plant import Ship, equilibrium, load_ship
+
+from ..side_by_side import published
+
+EFFECTS = {
+    "command-dead-zone": ("prime_mover.command_dead_zone_V", 0.0, 1.0),
+    "coulomb-friction": ("transmission.coulomb_friction_engine_side_N_m", 0.0, 0.1),
+    "viscous-friction": ("transmission.viscous_friction_engine_side_N_m_s_rad", 0.0, 1e-3),
+    "quadratic-drag": ("transmission.quadratic_drag_N_m_s2_rad2", 0.0, 1e-5),
+    "supply-limit": ("prime_mover.supply_limit_V", 3.0, 9.0),
+}
+"""Key of the ship's file, and the range that is searched."""
+
+REASONS = """\
+The table holds five steady states and no time series. `shaftline diagnose` needs one: it works on what
+moves, and its noise is estimated from the record. What the table allows is below; a recording of the
+voltage, speed and current of the staircase at 50 Hz or more, rests included, is what is missing.
+
+Errors are rms over motor speed and current at the five points, in percent of the measured value.
+*Unseen*: each point predicted by the effect as fitted to the other four. Coulomb friction stands in
+both files already; there its value replaces the file's.
+"""
+
+READING = """\
+Both sets describe one drive train. An effect that one set asks for and the other does not is as likely a
+wrong number as missing physics.
+"""
+
+
+def errors(ship: Ship) -> NDArray[np.float64]:
+    """Simulated minus measured speed and current [%], shape (points, 2)."""
+    found = []
+    for point in published("tito_neri_operating_points").itertuples():
+        steady = equilibrium(ship, float(point.motor_voltage_V), ship.propeller.pitch_ratio_max)
+        simulated = (
+            steady.state.shaft_speed * ship.transmission.gear_ratio,
+            steady.state.motor_current,
+        )
+        measured = (float(point.motor_speed_rad_s), float(point.motor_current_A))
+        found.append([100.0 * (s / m - 1.0) for s, m in zip(simulated, measured, strict=True)])
+    return np.array(found)
+
+
+def rms(values: Any) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def fitted(ship: Ship, effect: str, points: Any) -> float:
+    """The value of an effect that brings some points nearest."""
+    key, low, high = EFFECTS[effect]
+
+    def loss(value: float) -> float:
+        return rms(errors(ship.with_values({key: float(value)}))[points])
+
+    best = scipy.optimize.minimize_scalar(
+        loss, bounds=(low, high), method="bounded",
+        options={"maxiter": 25, "xatol": 1e-4 * (high - low)},
+    )  # fmt: skip
+    return float(best.x)
+
+
+def table() -> pd.DataFrame:
+    """Every effect on either set of parameters: its value, and the errors before, after and unseen."""
+    rows = []
+    for name in MODELS:
+        ship = load_ship(name)
+        every = np.arange(len(errors(ship)))
+        for effect, (key, _, _) in EFFECTS.items():
+            value = fitted(ship, effect, every)
+            unseen = [
+                errors(ship.with_values({key: fitted(ship, effect, every != left)}))[left]
+                for left in every
+            ]
+            rows.append(
+                {
+                    "model": name,
+                    "effect": effect,
+                    "value": value,
+                    "key": key.split(".")[1],
+                    "before_percent": rms(errors(ship)),
+                    "after_percent": rms(errors(ship.with_values({key: value}))),
+                    "unseen_percent": rms(unseen),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def findings(found: pd.DataFrame) -> str:
+    """What the table comes to, a sentence for each model."""
+    lines = []
+    for name, group in found.groupby("model", sort=False):
+        best = group.loc[group["unseen_percent"].idxmin()]
+        before = float(best["before_percent"])
+        gain = 1.0 - float(best["unseen_percent"]) / before
+        said = (
+            f"**{best['effect']}** ({best['key']} = {best['value']:.3g}) does best: "
+            f"{before:.2f} % falls to {best['after_percent']:.2f} %, unseen "
+            f"{best['unseen_percent']:.2f} %"
+        )
+        if gain < 0.1:
+            said = f"nothing is missing that five points could show; {said}"
+        second = group[group["effect"] != best["effect"]]["unseen_percent"].min()
+        near = "; another effect does as well, so the name is not decided" * bool(
+            second - best["unseen_percent"] < 0.1 * before
+        )
+        lines.append(f"- {name}: {said}{near}.")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Fit, and write ``tito-neri.md`` and its table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("out/tito-neri"), help="folder")
+    folder = parser.parse_args().out
+    found = table()
+    shown = found.assign(value=[f"{v:.3g}" for v in found["value"]])
+    body = f"{REASONS}\n{markdown(shown)}\n\n{findings(found)}\n\n{READING}"
+    command = "python -m reproductions tito_neri.effects --out docs/results"
+    write_table(folder, "tito-neri", "Tito Neri: what its table can say", command, found, body)
+    print(findings(found))
+
+
+if __name__ == "__main__":
+    main()

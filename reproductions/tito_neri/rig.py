@@ -1,0 +1,269 @@
+"""A synthetic Tito Neri: the house's plant behind the instruments that the paper describes.
+
+The recordings of Vrijdag & Martelli 2021 were never published; what disturbed them is told in section
+4. Here it is put on a drive train whose numbers are known:
+
+- cogging: a torque of orders 6 and 12 of the motor's turn, and a ripple of its back EMF of the same
+  orders (Figures 5 and 6), as terms of the ship;
+- an encoder of 15 holes that are not quite evenly spaced (Figures 7 and 8): the speed is that of the
+  last interval between two flanks, held until the next, and so comes late;
+- an amplifier that gives 1 % less than it is told, a little late (section 4.1);
+- noise of the current sensor.
+
+Sizes that the paper does not print are assumed, and stand in :class:`Instruments`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import scipy
+from numpy.typing import NDArray
+
+from shaftline.core.compiled import Record, compiled
+from shaftline.mismatch.numbers.drive_train import CONSTANT
+from shaftline.plant import Ship, equilibrium
+from shaftline.plant.memory import MEMORY
+from shaftline.plant.state import STATE
+from shaftline.plant.stepping import UNDISTURBED, prepare, step
+from shaftline.plant.terms import Term
+from shaftline.plant.waves import calm
+
+from .experiments import Experiment
+
+FINE_S = 5e-5
+"""Time step of the simulation [s]: a quarter of the armature's time constant, 1/50 of a cog's turn."""
+
+COGGING, RIPPLE = "cogging", "emf-ripple"
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """What stands between the drive train and its recording.
+
+    Args:
+        cogging_6_N_m: torque of order 6 at the motor, 0.15 K_e i_0.
+        cogging_12_N_m: of order 12.
+        ripple_6: of the back EMF, as a share of it. The shaft's inertia keeps a torque of this order
+            out of the current (3.5 mN m move it by 1 mA), so what makes it swing by 10 to 15 % has to
+            be a voltage.
+        ripple_12: of order 12.
+        holes: of the encoder's disk.
+        uneven_deg: standard deviation of a hole's place.
+        disk: seed of the places, which are the rig's own.
+        gain: voltage of the amplifier by the voltage set.
+        lag_s: of the amplifier; 2 degrees at 500 rad/s.
+        current_noise_A: rms, white.
+    """
+
+    cogging_6_N_m: float = 3.5e-3
+    cogging_12_N_m: float = 1.75e-3
+    ripple_6: float = 0.045
+    ripple_12: float = 0.03
+    holes: int = 15
+    uneven_deg: float = 0.3
+    disk: int = 7
+    gain: float = 0.99
+    lag_s: float = 7e-5
+    current_noise_A: float = 0.03
+
+    @property
+    def flanks_rad(self) -> NDArray[np.float64]:
+        """Angles of the holes' flanks [rad], shape (holes,)."""
+        off = np.random.default_rng(self.disk).standard_normal(self.holes) * self.uneven_deg
+        off -= off.mean()
+        even = np.arange(self.holes) * (2.0 * math.pi / self.holes)
+        return np.asarray(even + np.radians(off))
+
+
+def cogged(ship: Ship, instruments: Instruments) -> Ship:
+    """The ship with its motor's cogging and ripple as terms.
+
+    ``turned`` and ``since`` are the motor's angle [rad] at a time [s]; the simulation keeps them.
+
+    Args:
+        ship: the drive train.
+        instruments: with their sizes.
+    """
+    ratio, own = ship.transmission.gear_ratio, instruments
+    factor = ratio * ship.transmission.efficiency
+    constant = ratio * ship.number(CONSTANT).value  # back EMF by the shaft's speed
+    angle = f"(turned + {ratio!r} * shaft_speed * (time - since))"
+    swing = f"(a6 * sin(6 * {angle}) + a12 * sin(12 * {angle}))"
+    torque = {"a6": factor * own.cogging_6_N_m, "a12": factor * own.cogging_12_N_m}
+    voltage = {"a6": -constant * own.ripple_6, "a12": -constant * own.ripple_12}
+    for name, place, expression, values in (
+        (COGGING, "drive_torque", swing, torque),
+        (RIPPLE, "drive", f"{swing} * shaft_speed", voltage),
+    ):
+        term = {
+            "id": name, "acts_on": place, "expression": expression,
+            "parameters": {"turned": 0.0, "since": 0.0, **values},
+        }  # fmt: skip
+        ship = ship.with_term(Term.model_validate(term))
+    return ship
+
+
+@compiled
+def _turn(
+    plant: Record,
+    state: Record,
+    memory: Record,
+    sea: Record,
+    voltage: NDArray[np.float64],
+    slots: NDArray[np.int64],
+    dt: float,
+    angle: NDArray[np.float64],
+    current: NDArray[np.float64],
+) -> None:
+    """Motor's angle [rad] and current [A] at every step's start; the last two filled."""
+    turned = angle[0]
+    for k in range(len(voltage)):
+        angle[k] = turned
+        for slot in slots:
+            plant.term_constants[slot, 0] = turned
+            plant.term_constants[slot, 1] = k * dt
+        before = state.shaft_speed
+        out = step(
+            plant, state, memory, sea, voltage[k], 1.0, 0.0, UNDISTURBED, UNDISTURBED, UNDISTURBED,
+            dt,
+        )  # fmt: skip
+        current[k] = out.motor_current
+        turned += 0.5 * dt * plant.gear_ratio * (before + state.shaft_speed)
+
+
+def measured(
+    ship: Ship, test: Experiment, instruments: Instruments | None = None, seed: int = 0
+) -> pd.DataFrame:
+    """A test on the rig, as its instruments record it.
+
+    Args:
+        ship: the drive train, whose hull is fixed.
+        test: voltage that the amplifier is told, held between rows.
+        instruments: of the rig; the usual ones by default.
+        seed: of the current's noise and of the motor's first angle.
+
+    Returns:
+        Canonical columns at the test's interval. ``motor_voltage_V`` is what the amplifier gave, on
+        average from a row to the next; ``shaft_speed_rad_s`` the encoder's, by the gear ratio;
+        ``motor_current_A`` with its noise; ``voltage_set_V`` what the amplifier was told.
+    """
+    own = Instruments() if instruments is None else instruments
+    rng = np.random.default_rng([seed, 1])  # not that of a noise which is the test's own
+    per_row = round(test.interval_s / FINE_S)
+    fine = _amplified(test, own, per_row)
+    host = cogged(ship.with_values({"integration.time_step_s": FINE_S}), own)
+    start = equilibrium(ship, float(fine[0]), ship.propeller.pitch_ratio_max).state
+    state, memory = np.zeros(1, STATE), np.zeros(1, MEMORY)
+    state[0] = tuple(map(float, start))
+    plant, sea = host.record(), calm()
+    slots = np.array([host.number(f"term.{name}.turned").place[0] for name in (COGGING, RIPPLE)])
+    prepare(plant, state[0], memory[0], sea, float(fine[0]), UNDISTURBED, FINE_S)
+    angle, current = np.empty(len(fine)), np.empty(len(fine))
+    angle[0] = rng.uniform(0.0, 2.0 * math.pi)
+    _turn(plant, state[0], memory[0], sea, fine, slots, FINE_S, angle, current)
+    rows = slice(None, None, per_row)
+    noise = own.current_noise_A * rng.standard_normal(len(test.voltage))
+    time = np.arange(len(test.voltage)) * test.interval_s
+    return pd.DataFrame(
+        {
+            "time_s": time,
+            "motor_voltage_V": fine.reshape(-1, per_row).mean(axis=1),
+            "shaft_speed_rad_s": encoder_speed(angle, FINE_S, own)[rows]
+            / ship.transmission.gear_ratio,
+            "motor_current_A": current[rows] + noise,
+            "voltage_set_V": test.voltage,
+        }
+    )
+
+
+def _amplified(test: Experiment, own: Instruments, per_row: int) -> NDArray[np.float64]:
+    """Voltage [V] at every fine step, on average over it, of an amplifier long at its first voltage."""
+    told = own.gain * np.repeat(test.voltage, per_row)
+    if own.lag_s == 0.0:
+        return np.asarray(told, dtype=np.float64)
+    kept = math.exp(-FINE_S / own.lag_s)
+    # at the steps' ends; the mean over a step lies between its ends as the lag has it
+    ends, _ = scipy.signal.lfilter([1.0 - kept], [1.0, -kept], told, zi=np.array([kept * told[0]]))
+    starts = np.r_[told[0], ends[:-1]]
+    share = own.lag_s / FINE_S * (1.0 - kept)
+    return np.asarray(told + (starts - told) * share, dtype=np.float64)
+
+
+def encoder_speed(
+    angle: NDArray[np.float64], interval_s: float, own: Instruments
+) -> NDArray[np.float64]:
+    """Motor speed [rad/s] as an encoder tells it, at each sample of the angle.
+
+    Args:
+        angle: of the motor [rad], rising, shape (n,).
+        interval_s: between samples [s].
+        own: with the disk.
+
+    Returns:
+        The nominal angle between two holes over the time between the last two flanks; before the second
+        flank, the mean speed up to it.
+    """
+    turn, flanks = 2.0 * math.pi, own.flanks_rad
+    first, last = math.floor(angle[0] / turn) - 1, math.floor(angle[-1] / turn) + 1
+    places = (turn * np.arange(first, last + 1)[:, None] + flanks).ravel()
+    places = places[(places > angle[0]) & (places <= angle[-1])]
+    time = np.arange(len(angle)) * interval_s
+    when = np.interp(places, angle, time)
+    if len(when) < 2:
+        return np.full(len(angle), (angle[-1] - angle[0]) / max(time[-1], interval_s))
+    speeds = turn / own.holes / np.diff(when)
+    begin = (places[1] - angle[0]) / when[1]
+    known = np.searchsorted(when[1:], time, side="right")
+    return np.asarray(np.r_[begin, speeds][known])
+
+
+def without_faults() -> Instruments:
+    """Instruments that hide nothing but the encoder's holes: no cogging, an even disk, no noise."""
+    return Instruments(0.0, 0.0, 0.0, 0.0, 15, 0.0, 7, 1.0, 0.0, 0.0)
+
+
+def order_spectrum(table: pd.DataFrame, gear_ratio: float, turns: int = 32) -> pd.DataFrame:
+    """Amplitude of the current by order of the motor's turn (the paper's Figures 5 and 6).
+
+    The current is taken anew at even angles, which the encoder's speed adds up to, and averaged over
+    windows of whole turns.
+
+    Args:
+        table: of :func:`measured`.
+        gear_ratio: motor's speed over the shaft's.
+        turns: length of a window.
+
+    Returns:
+        ``order`` and ``current_A``, orders up to 20 in steps of 1 / turns.
+    """
+    time = table["time_s"].to_numpy(dtype=np.float64)
+    speed = gear_ratio * table["shaft_speed_rad_s"].to_numpy(dtype=np.float64)
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])
+    per_turn = 64
+    count = int(angle[-1] / (2.0 * math.pi) * per_turn)
+    even = np.arange(count) * (2.0 * math.pi / per_turn)
+    current = np.interp(even, angle, table["motor_current_A"])
+    rows = turns * per_turn
+    window = np.hanning(rows)
+    parts: list[Any] = []
+    for begin in range(0, count - rows + 1, rows // 2):
+        part = current[begin : begin + rows]
+        parts.append(np.abs(np.fft.rfft(window * (part - part.mean()))) * 2.0 / window.sum())
+    order = np.arange(rows // 2 + 1) / turns
+    mean = np.sqrt(np.mean(np.square(parts), axis=0))
+    kept = order <= 20.0
+    return pd.DataFrame({"order": order[kept], "current_A": mean[kept]})
+
+
+def order_ramp(seconds: float = 30.0) -> Experiment:
+    """Voltages that take the motor from 220 to 1995 rpm, as in the paper's order tracking.
+
+    Args:
+        seconds: length [s].
+    """
+    return Experiment("ramp", 1e-4, np.linspace(1.85, 5.82, round(seconds / 1e-4)))

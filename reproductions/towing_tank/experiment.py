@@ -1,0 +1,231 @@
+"""The rig's tests under the thrust controller: calm water, and motion near the surface.
+
+Pivano et al. 2008, section 5. The paper prints neither the programme of thrust, carriage and motion nor
+how its propeller ventilates; what is assumed stands in :class:`Programme` and :class:`Air`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shaftline.baselines.thrust_control import ThrustControl, command_torque
+from shaftline.baselines.torque_loss import estimated_propeller_torque
+from shaftline.core.compiled import Record, compiled
+from shaftline.plant import Ship, State
+from shaftline.plant.memory import MEMORY
+from shaftline.plant.signals import SAMPLE
+from shaftline.plant.simulation import write_sample
+from shaftline.plant.state import STATE, get_state
+from shaftline.plant.stepping import Disturbance, prepare, step
+from shaftline.plant.term_kernel import NO_SIGNALS
+from shaftline.plant.waves import calm
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Programme:
+    """What is done: thrust and carriage ahead, then astern, the propeller moved up and down."""
+
+    thrust_N: float = 134.3  # T_pd, either way; calibrated
+    carriage_m_s: float = 0.5849  # either way; calibrated
+    half_s: float = 30.0  # ahead, and the same astern
+    thrust_ramp_s: float = 2.0
+    carriage_ramp_s: float = 4.0  # longer: the shaft turns against the inflow meanwhile
+    mean_submergence: float = 1.25  # h/R [-]
+    motion: float = 1.25  # amplitude of h/R [-]; 0 in calm water
+    motion_period_s: float = 6.0
+    phase: float = 0.0  # of the motion at first [rad]
+
+    @property
+    def duration_s(self) -> float:
+        """Both halves."""
+        return 2.0 * self.half_s
+
+    def thrust(self, times: Floats) -> Any:
+        """T_pd [N]: from rest, reversed at half time."""
+        return self.thrust_N * self._turned(times, self.thrust_ramp_s)
+
+    def carriage(self, times: Floats) -> Any:
+        """Speed of the carriage [m/s]; it begins when the thrust does, and takes longer."""
+        return self.carriage_m_s * self._turned(times, self.carriage_ramp_s)
+
+    def submergence(self, times: Floats) -> Any:
+        """h/R of the propeller's centre [-]."""
+        swing = np.sin(2.0 * np.pi * times / self.motion_period_s + self.phase)
+        return self.mean_submergence + self.motion * swing
+
+    def _turned(self, times: Floats, ramp: float) -> Any:
+        corners = [0.0, 0.5 * ramp, self.half_s, self.half_s + ramp]
+        return np.interp(times, corners, [0.0, 1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class Air:
+    """How the propeller ventilates; see :mod:`shaftline.plant.ventilation`.
+
+    The losses are those of the theory. Onset, gain and hysteresis are the plant's defaults, assumed; the
+    times are its defaults for a propeller of 4.2 m, scaled by Froude with the square root of the size.
+    """
+
+    thrust_loss: float = 0.75
+    torque_loss: float = 0.68
+    surface_loss: float = 1.0
+    onset_submergence: float = 0.0
+    suction_gain: float = 0.5
+    hysteresis: float = 0.3  # h/R between onset and recovery
+    growth_s: float = 0.12
+    washout_s: float = 0.37
+
+    def ship(self, rig: Ship) -> Ship:
+        """The rig with it."""
+        return rig.with_values(
+            {
+                "ventilation.thrust_loss": self.thrust_loss,
+                "ventilation.torque_loss": self.torque_loss,
+                "ventilation.surface_loss": self.surface_loss,
+                "ventilation.onset_submergence": self.onset_submergence,
+                "ventilation.suction_gain": self.suction_gain,
+                "ventilation.hysteresis": self.hysteresis,
+                "ventilation.growth_time_s": self.growth_s,
+                "ventilation.washout_time_s": self.washout_s,
+            }
+        )
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """What is wrong with the instruments, or more than they can tell."""
+
+    shaft_speed: float = 0.0  # white noise of each reading, standard deviation [rad/s]
+    torque_gain: float = 1.0  # torque of the motor over the torque it is told
+    seed: int = 1
+    tell_air: bool = False  # nu is the truth, for a bound
+
+
+class TankRun(NamedTuple):
+    """A test, every time step."""
+
+    samples: NDArray[Any]  # SAMPLE, shape (n,)
+    thrust_order: Floats  # T_pd [N]
+    reference: Floats  # omega_d [rad/s]
+    torque_estimate: Floats  # Q_p-hat [N m]
+    torque_ratio: Floats  # beta_Q-hat [-]
+    detected: NDArray[np.bool_]  # nu
+    motor_power: Floats  # [W]
+
+    @property
+    def times(self) -> Floats:
+        """[s]."""
+        return np.asarray(self.samples["time"])
+
+
+_SEEN = np.dtype(
+    [(name, np.float64) for name in ("reference", "torque_estimate", "torque_ratio", "detected")]
+)
+
+
+@compiled
+def _run(
+    plant: Record,
+    controller: Record,
+    state: Record,
+    memory: Record,
+    held: Record,
+    sea: Record,
+    thrust: Floats,
+    carriage: Floats,
+    elevation: Floats,
+    speed_noise: Floats,
+    torque_gain: float,
+    tell_air: bool,
+    dt: float,
+    samples: Any,
+    seen: Any,
+) -> None:
+    pitch = controller.pitch_ratio
+    prepare(
+        plant, state, memory, sea, 0.0, Disturbance(carriage[0], elevation[0], 1.0, NO_SIGNALS), dt
+    )
+    for k in range(len(samples)):
+        measured = state.shaft_speed + speed_noise[k]
+        if tell_air:
+            held.detection.ventilating = 1 if state.ventilation > 0.5 else 0
+        torque = command_torque(controller, held, thrust[k], measured, carriage[2 * k])
+        now, log = get_state(state), memory.speed_log
+        a, b, c = 2 * k, 2 * k + 1, 2 * k + 2
+        drive = torque_gain * torque
+        outputs = step(
+            plant,
+            state,
+            memory,
+            sea,
+            drive,
+            pitch,
+            0.0,
+            Disturbance(carriage[a], elevation[a], 1.0, NO_SIGNALS),
+            Disturbance(carriage[b], elevation[b], 1.0, NO_SIGNALS),
+            Disturbance(carriage[c], elevation[c], 1.0, NO_SIGNALS),
+            dt,
+        )
+        write_sample(plant, samples[k], k * dt, drive, pitch, 0.0, now, memory, log, outputs)
+        seen[k].reference = held.reference
+        seen[k].torque_estimate = estimated_propeller_torque(plant, held.estimate)
+        seen[k].torque_ratio = held.detection.torque_ratio
+        seen[k].detected = held.detection.ventilating
+
+
+def sail(
+    ship: Ship,
+    controller: ThrustControl,
+    programme: Programme,
+    instruments: Instruments | None = None,
+) -> TankRun:
+    """One test from rest, the controller called at every time step.
+
+    Args:
+        ship: the rig as it is; the controller may believe in another.
+        controller: its interval is the ship's time step.
+        programme: what is done.
+        instruments: what is wrong with them; nothing by default.
+
+    Raises:
+        ValueError: the controller's interval is not the ship's time step.
+    """
+    dt = ship.time_step_s
+    if controller.interval_s != dt:
+        raise ValueError(f"the controller's interval must be the time step, {dt:g} s")
+    instruments = Instruments() if instruments is None else instruments
+    if instruments.tell_air:  # a detector that never speaks for itself
+        controller = ThrustControl(ship, on_below=1e-9, off_above=1e-8, hold_s=1e9)
+    steps = round(programme.duration_s / dt)
+    times = np.arange(steps, dtype=np.float64) * dt
+    halves = np.arange(2 * steps + 1, dtype=np.float64) * (0.5 * dt)
+    plant = ship.record()
+    radius = 0.5 * ship.propeller.diameter_m
+    elevation = radius * programme.submergence(halves) - float(plant["depth"])
+    state, memory = np.zeros(1, STATE), np.zeros(1, MEMORY)
+    state[0] = tuple(State(ship.propeller.pitch_ratio_max, 0.0, 0.0))
+    thrust = programme.thrust(times)
+    white = np.random.default_rng(instruments.seed).standard_normal(steps)
+    samples, seen = np.zeros(steps, SAMPLE), np.zeros(steps, _SEEN)
+    held = controller.fresh()
+    _run(
+        plant, controller.settings, state[0], memory[0], held[0], calm(), thrust,
+        programme.carriage(halves), elevation, instruments.shaft_speed * white,
+        instruments.torque_gain, instruments.tell_air, dt, samples, seen,
+    )  # fmt: skip
+    turned = samples["shaft_speed"] * ship.transmission.gear_ratio
+    return TankRun(
+        samples,
+        thrust,
+        seen["reference"],
+        seen["torque_estimate"],
+        seen["torque_ratio"],
+        seen["detected"] != 0.0,
+        samples["brake_torque"] * turned,
+    )

@@ -1,0 +1,327 @@
+"""Observers through a reversal: the towing tank's calm test, and a destroyer that stops.
+
+Run ``python -m reproductions towing_tank.observers --out docs/results``; half a minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from shaftline.display import figures
+from shaftline.display.tables import markdown, write_table
+from shaftline.observers import Observer, follow, get_observer, readings_of
+from shaftline.observers.immersion_invariance import ImmersionInvariance
+from shaftline.observers.luenberger import Luenberger
+from shaftline.observers.random_walk_kalman import RandomWalkKalman
+from shaftline.observers.shaft_acceleration import ShaftAccelerationDerived
+from shaftline.observers.shaft_kalman import ShaftKalman
+from shaftline.plant import Schedule, Ship, State, equilibrium, load_ship, simulate
+from shaftline.plant.propeller import propeller_load
+from shaftline.plant.shaft import brake_torque_of, load_torque
+
+THRUST_N, CARRIAGE_M_S = 80.0, 1.0
+HALF_PERIOD_S, RAMP_S, DURATION_S = 10.0, 2.0, 60.0
+WANTED_M_S = 0.1
+SEEDS = 10
+
+RIG = "towing-tank"
+
+NAMES = (
+    "power-balance", "shaft-acceleration", "shaft-acceleration-derived", "luenberger-low", "luenberger",
+    "luenberger-high", "shaft-kalman", "immersion-invariance-low", "immersion-invariance",
+    "immersion-invariance-high", "random-walk-kalman", "random-walk-kalman-printed",
+    "immersion-invariance-adaptive",
+)  # fmt: skip
+"""As they are tuned for the frigate."""
+
+OF_THE_RIG: dict[str, Observer] = {
+    "shaft-acceleration-derived, T 0.02 s": ShaftAccelerationDerived(0.02),
+    "luenberger, both poles -50 rad/s": Luenberger((-50.0, -50.001)),
+    "shaft-kalman, poles about 22 rad/s": ShaftKalman((1.0, 1e3)),
+    "random-walk-kalman, noise of the rig": RandomWalkKalman(1.0, 0.0, 0.05, 0.05),
+    "immersion-invariance, gamma 1.5": ImmersionInvariance(1.5),
+}
+"""The same with settings for a propeller of 0.25 m."""
+
+
+class Noise(NamedTuple):
+    """Standard deviation of the white noise of each reading."""
+
+    shaft_speed: float = 0.05  # [rad/s], 0.1 % of the speed
+    torque: float = 0.025  # [N m], 0.5 % of the torque
+    acceleration: float = 1.0  # [rad/s2]
+
+
+class Run(NamedTuple):
+    """A test: who it is, its samples, and what the instruments read."""
+
+    ship: Ship
+    samples: NDArray[Any]
+    readings: NDArray[np.float64]
+
+    @property
+    def against(self) -> NDArray[np.bool_]:
+        """Samples in which the shaft turns against the inflow: zone 1."""
+        return np.asarray(self.samples["shaft_speed"] * self.samples["advance_velocity"] < 0.0)
+
+    def noisy(self, noise: Noise, seed: int) -> NDArray[np.float64]:
+        """Readings with noise."""
+        size = [noise.shaft_speed, noise.torque, 0.0, noise.acceleration, 0.0]
+        white = np.random.default_rng(seed).standard_normal(self.readings.shape)
+        return self.readings + white * size
+
+
+def programme(times: NDArray[np.float64]) -> Any:
+    """The carriage's speed over its largest: square, from rest, with ramps of 2 s."""
+    corners, values = [0.0, 0.5 * RAMP_S], [0.0, 1.0]
+    for k in range(1, 1 + int(DURATION_S / HALF_PERIOD_S)):
+        corners += [k * HALF_PERIOD_S - 0.5 * RAMP_S, k * HALF_PERIOD_S + 0.5 * RAMP_S]
+        values += [values[-1], -values[-1]]
+    return np.interp(times, corners, values)
+
+
+def steady_torque(ship: Ship, thrust: float, inflow: float) -> float:
+    """Torque of the drive [N m] at which it keeps a thrust [N] in an inflow [m/s] of the same sign."""
+    plant = ship.record()
+    pitch = ship.propeller.pitch_ratio_max
+
+    def load(shaft_speed: float) -> Any:
+        return propeller_load(plant, inflow, shaft_speed, pitch, ship.propeller.depth_m, 0.0)
+
+    ends = (5.0, 150.0) if thrust > 0.0 else (-150.0, -5.0)
+    speed = scipy.optimize.brentq(lambda w: load(w).thrust - thrust, *ends)
+    torque = load(speed).torque / ship.propeller.relative_rotative_efficiency
+    return float(brake_torque_of(plant, load_torque(plant, torque, speed), speed))
+
+
+def calm_test(ship: Ship) -> Run:
+    """Thrust of +-80 N by a torque programme, the carriage at +-1 m/s with its sign, 60 s."""
+    ahead = steady_torque(ship, THRUST_N, CARRIAGE_M_S)
+    astern = steady_torque(ship, -THRUST_N, -CARRIAGE_M_S)
+
+    def torque(times: NDArray[np.float64]) -> Any:
+        share = programme(times)
+        return np.where(share > 0.0, ahead * share, -astern * share)
+
+    pitch = ship.propeller.pitch_ratio_max
+    schedule = Schedule(torque, pitch, inflow=lambda t: CARRIAGE_M_S * programme(t))
+    samples = simulate(ship, schedule, DURATION_S, initial=State(pitch, 0.0, 0.0))
+    return Run(ship, samples, readings_of(samples, ship))
+
+
+def crash_stop() -> Run:
+    """The destroyer with four-quadrant curves: half torque ahead, from 10 s on half torque astern."""
+    ship = load_ship("ddg-51-surrogate").with_values({"propeller.model": "four-quadrant"})
+    torque = 0.5 * float(ship.record()["drive_max"])
+    pitch = ship.propeller.pitch_ratio_max
+    start = equilibrium(ship, torque, pitch)
+    order = Schedule(lambda t: np.interp(t, [10.0, 30.0], [torque, -torque]), pitch)
+    samples = simulate(ship, order, 300.0, initial=start.state)
+    samples = samples[: int(np.argmax(samples["ship_speed"] <= 0.0))]
+    return Run(ship, samples, readings_of(samples, ship))
+
+
+def _rms(error: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(error**2))) if len(error) else float("nan")
+
+
+def scores(run: Run, observer: Observer, readings: NDArray[np.float64]) -> dict[str, float]:
+    """Errors [m/s] and shares [%] of one estimate."""
+    velocity, valid = follow(observer, run.ship, readings, run.ship.time_step_s)
+    error = velocity - run.samples["advance_velocity"]
+    against = run.against
+    return {
+        "rms valid": _rms(error[valid]),
+        "rms outside zone 1": _rms(error[~against]),
+        "rms in zone 1": _rms(error[against]),
+        "valid %": 100.0 * float(valid.mean()),
+        "zone 1 called valid %": 100.0 * float(valid[against].mean()),
+    }
+
+
+def table_of(
+    run: Run, observers: dict[str, Observer], noise: Noise | None, seeds: int
+) -> pd.DataFrame:
+    """A row an observer; with noise the mean over the seeds."""
+    rows = []
+    for name, observer in observers.items():
+        found = [
+            scores(run, observer, run.readings if noise is None else run.noisy(noise, seed))
+            for seed in range(1 if noise is None else seeds)
+        ]
+        rows.append({"observer": name} | pd.DataFrame(found).mean().to_dict())
+    return pd.DataFrame(rows)
+
+
+def drawn(rig: Run, stop: Run) -> Figure:
+    """Truth and three estimates; grey where the shaft turns against the inflow."""
+    shown = {
+        "luenberger, both poles -50 rad/s": OF_THE_RIG["luenberger, both poles -50 rad/s"],
+        "random-walk-kalman": OF_THE_RIG["random-walk-kalman, noise of the rig"],
+        "immersion-invariance-adaptive": get_observer("immersion-invariance-adaptive"),
+    }
+    figure, axes = figures.new_figure(2, 2, (11.0, 6.0))
+    plain = ("luenberger", "random-walk-kalman", "immersion-invariance")
+    ways = (
+        (rig, rig.noisy(Noise(), 0), shown, (8.0, 33.0)),
+        (stop, stop.readings, {name: get_observer(name) for name in plain}, None),
+    )
+    for column, (run, readings, observers, span) in enumerate(ways):
+        time, truth = run.samples["time"], run.samples["advance_velocity"]
+        top, bottom = axes[0, column], axes[1, column]
+        for name, observer in observers.items():
+            velocity, valid = follow(observer, run.ship, readings, run.ship.time_step_s)
+            (line,) = top.plot(time, np.where(valid, velocity, np.nan), linewidth=1.0, label=name)
+            top.plot(time, velocity, linewidth=0.6, alpha=0.35, color=line.get_color())
+        top.plot(time, truth, color="black", linewidth=1.0, linestyle="--", label="truth")
+        bottom.plot(time, run.samples["shaft_speed"], color="black", linewidth=1.0)
+        for axis in (top, bottom):
+            low, high = axis.get_ylim()
+            if axis is top:
+                high += 0.3 * (high - low)  # for the legend
+            axis.fill_between(time, low, high, where=run.against, color="0.88", linewidth=0.0)
+            axis.set_ylim(low, high)
+            axis.set_xlim(*(span or (time[0], time[-1])))
+        top.legend(fontsize=7, ncols=2, loc="upper center")
+        top.set_ylabel("advance velocity [m/s]")
+        bottom.set_ylabel("shaft speed [rad/s]")
+        bottom.set_xlabel("time [s]")
+        top.set_title(run.ship.name, fontsize=9)
+    return figure
+
+
+INTRODUCTION = """\
+Torque tells the inflow in any quadrant, but for one zone. Where a shaft turns against the inflow (J
+below 0, zone 1 of Pivano et al. 2008, section 4.1) the flow is a ring vortex and the curve KQ(J)
+folds, so that one torque has three inflows; `valid` has to be 0 there. From the fold's torques an
+estimate comes back only by one that no ring vortex has, 5 % below the fold's dip
+([observers](../observers.md)).
+
+**The calm test of the rig** ([`{ship}`](../../plant/ships/towing-tank.toml), most of it
+assumed): a torque programme that keeps a thrust of ±{thrust:g} N in steady running, the carriage at
+±{speed:g} m/s with its sign, a reversal every {half:g} s with ramps of {ramp:g} s, {duration:g} s.
+In {zone:.1f} % of the time the shaft turns against the inflow. It has no torque gauge: the torque
+is the drive's less friction, and I_R the inertia of the whole line. Wanted: an error below
+{wanted:g} m/s (rms) outside zone 1.
+
+- *rms valid*: of what the observer calls valid; *rms outside zone 1*: of all estimates while the
+  shaft truly turns with the inflow, called valid or not, so that the seconds after a reversal
+  count; *rms in zone 1*.
+- *noise*: encoder {noise.shaft_speed:g} rad/s, torque {noise.torque:g} N m, accelerometer
+  {noise.acceleration:g} rad/s², white at {rate:.0f} Hz; means of {seeds} seeds."""
+
+STOP = """\
+## A destroyer stops
+
+`ddg-51-surrogate` with four-quadrant curves, half torque ahead and from 10 s on, within 20 s, half
+torque astern; she lies still after {seconds:.0f} s, and in {zone:.0f} % of that time her shaft
+turns against the inflow. No noise; the observers as they are tuned for the frigate."""
+
+STOP_MEANS = """\
+While her shaft still turns ahead every observer follows as it does in a seaway. From its reversal
+at {reversed:.0f} s until she lies still it turns against the inflow: that is zone 1 to the end, and
+no estimate is valid. The one that is given all the same follows on below the fold's dip, where KQ
+falls again ({follows:.2f} m/s rms with `immersion-invariance`), and is lost from {lost:.0f} s on,
+when J comes into the fold. This is on curves of steady mean torque; in a real ring vortex, which is
+unsteady, nobody should rely on it. A crash stop's second half is thus not observed from the torque,
+as the paper's own rule has it."""
+
+
+def followed_against_inflow(run: Run) -> dict[str, float]:
+    """When the shaft reverses [s], from when an error of 0.3 m/s stands [s], and the rms until then."""
+    observer = get_observer("immersion-invariance")
+    velocity, _ = follow(observer, run.ship, run.readings, run.ship.time_step_s)
+    error = velocity - run.samples["advance_velocity"]
+    begins = int(np.argmax(run.against))
+    lost = begins + int(np.argmax(np.abs(error[begins:]) > 3.0 * WANTED_M_S))
+    times = run.samples["time"]
+    return {
+        "reversed": float(times[begins]),
+        "lost": float(times[lost]),
+        "follows": _rms(error[begins:lost]),
+    }
+
+
+def meaning(clean: pd.DataFrame, noisy: pd.DataFrame) -> str:
+    """Which observers hold what is wanted, counted from the tables."""
+
+    def holding(table: pd.DataFrame, column: str) -> list[str]:
+        return [f"`{name}`" for name in table.loc[table[column] < WANTED_M_S, "observer"]]
+
+    lines = []
+    for words, table in (("Without noise", clean), ("With noise", noisy)):
+        valid, outside = holding(table, "rms valid"), holding(table, "rms outside zone 1")
+        lines.append(
+            f"- {words}: {len(valid)} of {len(table)} hold {WANTED_M_S:g} m/s in what they call valid "
+            f"({', '.join(valid)}); {len(outside)} in all that lies outside zone 1."
+        )
+    return "\n".join(lines)
+
+
+WHY = """\
+- `power-balance` and `random-walk-kalman-printed` take the drive's torque for the propeller's. On
+  the rig that torque also turns the line round: they fail at every reversal, with or without noise.
+- `shaft-acceleration-derived` and `luenberger-low` lag by their filters' 0.1 s and 1 s, an inflow
+  that changes by 1 m/s in a second; faster ones hold it.
+- `luenberger-high`, `shaft-kalman` and `immersion-invariance-high` differentiate the encoder: on a
+  line of 0.05 kg m² instead of 14 411 their gains make noise of every reading.
+- `random-walk-kalman` as it is believes in the frigate's gauge (2 kN m) and follows nothing here;
+  with the noise of the rig it holds. `immersion-invariance-adaptive` finds the noise by itself, but
+  takes each reversal for a sea and with it a gain that lets noise through.
+- Zone 1 called valid: an estimate that lags is still ahead when the inflow has turned; and at low
+  speed the torque is so small that its noise passes for one below the fold's dip."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Write ``four-quadrant-observers.md``, its table and its figure."""
+    parser = argparse.ArgumentParser(
+        "python -m reproductions towing_tank.observers", description=__doc__.split("\n")[0]
+    )
+    add = parser.add_argument
+    add("--out", type=Path, default=Path("out/four-quadrant-observers"), help="folder")
+    add("--ship", default=RIG, help="with an electric drive and four-quadrant curves")
+    add("--seeds", type=int, default=SEEDS, help="of the noise")
+    options = parser.parse_args(arguments)
+    if options.seeds < 1:
+        parser.error("--seeds must be above zero")
+    rig, stop = calm_test(load_ship(options.ship)), crash_stop()
+    named: dict[str, Observer] = {name: get_observer(name) for name in NAMES}
+    clean = table_of(rig, named | OF_THE_RIG, None, 1)
+    noisy = table_of(rig, named | OF_THE_RIG, Noise(), options.seeds)
+    stopped = table_of(stop, named, None, 1)
+    figures.save(drawn(rig, stop), options.out / "figures" / "four-quadrant-observers.png")
+    introduction = INTRODUCTION.format(
+        ship=rig.ship.name, thrust=THRUST_N, speed=CARRIAGE_M_S, half=HALF_PERIOD_S, ramp=RAMP_S,
+        duration=DURATION_S, zone=100.0 * rig.against.mean(), wanted=WANTED_M_S, noise=Noise(),
+        rate=1.0 / rig.ship.time_step_s, seeds=options.seeds,
+    )  # fmt: skip
+    seconds = float(stop.samples["time"][-1])
+    body = [
+        introduction, "## Without noise", markdown(clean, 3), "## With noise", markdown(noisy, 3),
+        meaning(clean, noisy), WHY,
+        STOP.format(seconds=seconds, zone=100.0 * stop.against.mean()), markdown(stopped, 3),
+        STOP_MEANS.format(**followed_against_inflow(stop)),
+        "![Reversals](figures/four-quadrant-observers.png)\n\n"
+        "Left: the rig with noise, observers tuned to it; right: the destroyer. Thin lines: estimates "
+        "that are not valid. Grey: the shaft turns against the inflow.",
+    ]  # fmt: skip
+    frames = {"rig": clean, "rig with noise": noisy, "crash stop": stopped}
+    table = pd.concat([frame.assign(test=name) for name, frame in frames.items()])
+    write_table(
+        options.out, "four-quadrant-observers", "Observers through a reversal",
+        "python -m reproductions towing_tank.observers --out docs/results", table,
+        "\n\n".join(body),
+    )  # fmt: skip
+    print(f"page: {options.out / 'four-quadrant-observers.md'}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""The printed numbers that are known to be unexplained, a file a study, each with what was tried.
+
+``shaftline reproduce`` fails where a cell is unexplained that
+``reproductions/data/unexplained/NAME.csv`` does not list. ``python -m reproductions unexplained
+docs/results`` writes these files again from the cells of the pages, and keeps the notes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from importlib import resources
+from pathlib import Path
+
+import pandas as pd
+
+from shaftline.display.tables import write_csv
+
+from . import cells as cell_files
+from .cells import Cell, Verdict
+
+COLUMNS = ["table", "row", "column", "note"]
+
+Key = tuple[str, str, str]
+
+
+def _notes(file: Path) -> dict[Key, str]:
+    frame = pd.read_csv(file, dtype=str, keep_default_na=False)
+    return {(line.table, line.row, line.column): line.note for line in frame.itertuples()}
+
+
+def known(study: str) -> dict[Key, str]:
+    """Return the listed cells of a study, (table, row, column), with what was tried.
+
+    Args:
+        study: name of the study, as of ``shaftline reproduce``; one without a file has none listed.
+    """
+    source = resources.files("reproductions").joinpath(f"data/unexplained/{study}.csv")
+    if not source.is_file():
+        return {}
+    with resources.as_file(source) as file:
+        return _notes(file)
+
+
+def unexplained(cells: Iterable[Cell]) -> list[Cell]:
+    """Return the unexplained cells."""
+    return [cell for cell in cells if cell.verdict is Verdict.UNEXPLAINED]
+
+
+def unlisted(study: str, cells: Iterable[Cell]) -> list[Cell]:
+    """Return the unexplained cells that the study's file does not list."""
+    listed = known(study)
+    return [cell for cell in unexplained(cells) if cell.key not in listed]
+
+
+def outdated(study: str, cells: Iterable[Cell]) -> list[Key]:
+    """Return the listed cells of a study that are met or explained, or that it does not have."""
+    found = {cell.key for cell in unexplained(cells)}
+    return [key for key in known(study) if key not in found]
+
+
+def main() -> None:
+    """Write the lists again from the cells of the result pages."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "results", type=Path, help="Folder of the result pages, with cells/NAME.csv."
+    )
+    parser.add_argument("--study", action="append", help="Only this study; may be repeated.")
+    options = parser.parse_args()
+    folder = Path(__file__).parent / "data" / "unexplained"
+    for file in sorted((options.results / "cells").glob("*.csv")):
+        if options.study and file.stem not in options.study:
+            continue
+        notes = known(file.stem)
+        rows = [(*cell.key, notes.get(cell.key, "")) for cell in unexplained(cell_files.read(file))]
+        write_csv(folder, file.stem, pd.DataFrame(rows, columns=COLUMNS))
+        print(f"{file.stem}: {len(rows)} unexplained")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,1 +1,0 @@
-"""Published results reproduced, a folder a source; learned policies on trial; the tour; speed."""

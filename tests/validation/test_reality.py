@@ -1,0 +1,220 @@
+"""The independent reality: nominally the plant's ship, and each effect where it belongs."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shaftline.plant import load_ship
+from shaftline.plant.replay import simulate_recording
+from shaftline.validation import cases
+from shaftline.validation.cases import draw_case
+from shaftline.validation.reality import bench, crew_demands, effects, water
+from shaftline.validation.reality.effects import FRIGATE
+from shaftline.validation.reality.instruments import read
+from shaftline.validation.reality.numbers import NEUTRAL, frigate_numbers
+from shaftline.validation.reality.sail import restless, sail
+from shaftline.validation.recording import make
+from shaftline.validation.scenario import Scenario
+
+PERIOD = 0.1
+
+
+def close(a: pd.Series, b: pd.Series, share: float) -> bool:
+    """Rms difference within a share of the signal's standard deviation."""
+    rms = float(np.sqrt(np.mean((a - b) ** 2)))
+    return rms <= share * float(a.std())
+
+
+@pytest.mark.parametrize("kind", crew_demands.LIVELY)
+def test_without_effects_the_frigate_is_the_plants(kind: str) -> None:
+    rack, pitch = crew_demands.voyage(kind, 300.0, PERIOD, np.random.default_rng(3))
+    reality = sail(frigate_numbers(), rack, pitch, PERIOD)
+    plant = simulate_recording(load_ship("frigate"), reality)
+    for column in ("shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"):
+        assert close(reality[column], plant[column], 0.01), column
+    assert np.abs(reality["pitch_ratio"] - plant["pitch_ratio"]).max() < 1e-6
+
+
+def test_without_effects_the_thruster_is_the_plants(tmp_path: Path) -> None:
+    (tmp_path / "ship.toml").write_text(bench.SHIP_FILE, encoding="utf-8")
+    volts = bench.voltage_programme("steps", 120.0, PERIOD, np.random.default_rng(3))
+    reality = bench.run_bench(bench.bench_numbers(), volts, PERIOD)
+    plant = simulate_recording(load_ship(tmp_path / "ship.toml"), reality)
+    for column in ("shaft_speed_rad_s", "motor_current_A", "thrust_N"):
+        assert close(reality[column], plant[column], 0.002), column
+
+
+def test_demands_that_never_rest_are_held_to_the_last_sample(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A scenario integrates them sample by sample; error control alone steps over what is held."""
+    case = next(
+        c for c in (draw_case(31, i) for i in range(400))
+        if c.kind == "null-calm" and c.ship == FRIGATE and c.programme == "sweep"
+    )  # fmt: skip
+    scenario = Scenario(dataclasses.replace(case, seconds=60.0))
+    assert restless(scenario.drive)
+    found = scenario.sail(scenario.true, waves=False)
+    plain = sail(scenario.true, scenario.drive, scenario.pitch, PERIOD)
+    monkeypatch.setattr(
+        "shaftline.validation.reality.sail.JUMP", 1e-9
+    )  # it then stops at every sample
+    exact = sail(scenario.true, scenario.drive, scenario.pitch, PERIOD)
+    for column in ("shaft_speed_rad_s", "shaft_torque_N_m"):
+        off, before = (np.abs(table[column] - exact[column]).max() for table in (found, plain))
+        assert off < 0.1 * before, column
+
+
+def test_the_thruster_holds_its_demand_over_each_sample() -> None:
+    volts = bench.voltage_programme("sines", 30.0, PERIOD, np.random.default_rng(4))
+    coarse = bench.run_bench(bench.bench_numbers(), volts, PERIOD)
+    fine = bench.run_bench(bench.bench_numbers(), np.repeat(volts, 50), PERIOD / 50)
+    for column in ("shaft_speed_rad_s", "motor_current_A"):
+        exact = fine[column].to_numpy()[::50]
+        assert np.abs(coarse[column].to_numpy() - exact).max() < 1e-5 * np.abs(exact).max(), column
+
+
+def test_the_sea_has_its_height_and_meets_the_ship() -> None:
+    waves = water.head_sea(3.0, 9.0, 4.0, seed=5)
+    assert 4.0 * np.sqrt(0.5 * np.sum(waves[:, 0] ** 2)) == pytest.approx(3.0)
+    assert (waves[:, 3] > 0.0).all()  # the faster the ship, the oftener
+    peak = 2.0 * np.pi / 9.0
+    assert 0.8 * peak < np.median(waves[:, 2]) < 1.6 * peak
+    assert np.array_equal(waves, water.head_sea(3.0, 9.0, 4.0, seed=5))
+    assert not np.array_equal(waves, water.head_sea(3.0, 9.0, 4.0, seed=6))
+
+
+@functools.cache
+def demands() -> tuple[np.ndarray, np.ndarray]:
+    rack, pitch = crew_demands.voyage("steps", 300.0, PERIOD, np.random.default_rng(8))
+    return rack, pitch
+
+
+def frigate_readings(numbers: dict[str, float], rough: bool) -> pd.DataFrame:
+    waves = water.head_sea(6.0, 10.0, 4.0, 1) if rough else None
+    truth = sail(numbers, *demands(), PERIOD, waves=waves)
+    return read(truth, numbers, PERIOD, None)
+
+
+@functools.cache
+def reference(rough: bool) -> pd.DataFrame:
+    return frigate_readings(frigate_numbers() | {"track_speed": 7.0}, rough)
+
+
+def shaped(effect: effects.TrueEffect) -> dict[str, float]:
+    return {name: 0.5 * (low + high) for name, (low, high) in effect.shape.items()}
+
+
+FRIGATES = [e for e in (*effects.EFFECTS, *effects.UNKNOWN) if e.ship == effects.FRIGATE]
+BENCHES = [e for e in (*effects.EFFECTS, *effects.UNKNOWN) if e.ship == effects.BENCH]
+OWN_READING = {
+    "pitch-sensor-offset": "pitch_ratio",
+    "torque-sensor-bias": "shaft_torque_N_m",
+    "torque-sensor-gain": "shaft_torque_N_m",
+    "torque-sensor-delay": "shaft_torque_N_m",
+    "speed-log-lag": "ship_speed_m_s",
+}
+MOVED = {
+    "engine": "shaft_speed_rad_s",
+    "propeller": "shaft_speed_rad_s",
+    "hull": "ship_speed_m_s",
+    "pitch-actuator": "pitch_ratio",
+}
+
+
+@pytest.mark.parametrize("effect", FRIGATES, ids=lambda e: e.key)
+def test_an_effect_moves_its_own_signals(effect: effects.TrueEffect) -> None:
+    strong = effect.most if effect.id in ("cavitation-breakdown", "shallow-water") else None
+    size = {effect.size: strong or min(4.0 * effect.first, effect.most)}
+    numbers = frigate_numbers() | shaped(effect) | size | {"track_speed": 7.0}
+    change = frigate_readings(numbers, effect.waves) - reference(effect.waves)
+    moved = {c: float(change[c].abs().max()) for c in (*MOVED.values(), "shaft_torque_N_m")}
+    least = {"pitch_ratio": 1e-4, "shaft_speed_rad_s": 1e-3, "ship_speed_m_s": 1e-3,
+             "shaft_torque_N_m": 50.0}  # fmt: skip
+    if effect.balance == "sensor":
+        own = OWN_READING[effect.id]
+        assert moved.pop(own) > least[own]
+        assert not any(moved.values())
+    else:
+        own = MOVED[effect.balance]
+        assert moved[own] > least[own]
+        if effect.balance != "pitch-actuator":
+            assert moved["pitch_ratio"] == 0.0
+
+
+@pytest.mark.parametrize("effect", BENCHES, ids=lambda e: e.key)
+def test_an_effect_moves_the_thruster(effect: effects.TrueEffect) -> None:
+    volts = bench.voltage_programme("reversals", 60.0, PERIOD, np.random.default_rng(2))
+    numbers = bench.bench_numbers()
+    changed = numbers | shaped(effect) | {effect.size: min(4.0 * effect.first, effect.most)}
+    change = bench.run_bench(changed, volts, PERIOD) - bench.run_bench(numbers, volts, PERIOD)
+    assert float(change["shaft_speed_rad_s"].abs().max()) > 1e-2
+    assert not change["motor_voltage_V"].any()
+
+
+def test_every_effect_has_a_neutral_number_and_every_id_a_form() -> None:
+    for effect in (*effects.EFFECTS, *effects.UNKNOWN):
+        assert NEUTRAL[effect.size] == 0.0
+        assert set(effect.shape) <= set(NEUTRAL)
+    assert len({effect.id for effect in effects.EFFECTS}) == 29
+    assert set(effects.CONFOUNDED) <= set(effects.BY_KEY)
+
+
+def test_cases_are_dealt_as_stated() -> None:
+    drawn = [cases.draw_case(4, index) for index in range(200)]
+    kinds = [case.kind for case in drawn]
+    dull = [k for k in kinds if k.startswith("null") or k in ("unknown", "confounded")]
+    assert len(dull) == 80
+    single = {case.effects[0].key for case in drawn if case.kind == "single"}
+    assert single == {effect.key for effect in effects.EFFECTS}
+    assert drawn[17] == cases.draw_case(4, 17)
+    assert drawn[17] != cases.draw_case(5, 17)
+    assert all(case.exclude == (case.effects[0].effect.id,) for case in drawn if case.exclude)
+    assert all(case.wave_height == 0.0 for case in drawn if case.kind == "null-calm")
+    assert all(case.wave_height > 0.0 for case in drawn if case.kind == "null-waves")
+
+
+def short(kind: str) -> cases.Case:
+    index = next(i for i in range(100) if cases.case_kind(4, i)[0] == kind)
+    return dataclasses.replace(cases.draw_case(4, index), seconds=200.0)
+
+
+def test_the_same_seed_gives_the_same_recording() -> None:
+    first, second = make(short("null-waves")), make(short("null-waves"))
+    pd.testing.assert_frame_equal(first.recording, second.recording)
+    assert cases.sealed(first.truth) == cases.sealed(second.truth)
+    assert np.isfinite(first.recording.to_numpy()).all()
+    assert first.truth["sizes"] == {}
+
+
+def test_an_effect_is_as_strong_as_drawn() -> None:
+    effect = effects.BY_KEY["coulomb-friction/engine"]
+    one = cases.Concealed(effect.key, 1.0, 1.0, shaped(effect))
+    case = dataclasses.replace(
+        short("single"), ship=effects.FRIGATE, effects=(one,), programme="steps",
+        wave_height=0.0, factors=dict.fromkeys(cases.TOLERANCES[effects.FRIGATE], 1.0),
+    )  # fmt: skip
+    reality = make(case)
+    assert reality.truth["beyond_tolerances"][effect.key] == pytest.approx(1.0, abs=0.08)
+    assert (
+        reality.truth["ratios"][effect.key]
+        >= 0.999 * reality.truth["beyond_tolerances"][effect.key]
+    )
+    channel = reality.truth["channels"][effect.key]
+    noise = (reality.recording[channel] - reality.concealed[channel]).std()
+    assert noise == pytest.approx(reality.truth["residual_rms"][channel], rel=0.05)
+    equivalent = reality.truth["equivalents"][effect.key]
+    assert equivalent["value"] == pytest.approx(reality.truth["sizes"][effect.key], rel=0.1)
+    assert equivalent["names"][0] == "torque_N_m"
+
+
+def test_a_seal_holds_for_its_truth_alone() -> None:
+    truth = {"nonce": "x", "case": {"kind": "single"}, "sizes": {"a": 1.0}}
+    assert cases.sealed(truth) == cases.sealed(dict(reversed(truth.items())))
+    assert cases.sealed(truth) != cases.sealed(truth | {"nonce": "y"})

@@ -1,0 +1,273 @@
+"""How often the 95 % intervals of ``shaftline identify`` contain the truth, and how wide they are.
+
+The recordings come from the independent simulator of the concealed cases: a frigate in calm water and
+in waves, and a DC-motor thruster on a bench, at 10 Hz, with instruments of their own noise. Nothing is
+concealed but parameters. Those that are free are wrong in the ship file by up to :data:`WRONG`; every
+other one is wrong by a normal deviate of the tolerance that the ship file states for it, so that an
+interval pays for the tolerances as it claims to. Which parameters are free changes from recording to
+recording (:data:`CHOICES`).
+
+Run ``python -m shaftline.validation.coverage --out FOLDER``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from ..core.sweep import source_digest, sweep
+from ..display.tables import markdown, write_table
+from ..mismatch import identify
+from ..plant import Ship, load_ship
+from .cases import Case, draw_case
+from .reality.bench import CALM_PROGRAMME
+from .reality.crew_demands import DULL
+from .reality.effects import BENCH, FRIGATE
+from .reality.numbers import Numbers
+from .recording import make
+from .variants import file_numbers, file_text
+
+WRONG = 0.15
+"""Most by which a free parameter is wrong in the ship file, as a share of the truth."""
+
+WATERS = ("calm", "waves", "bench")
+
+KEYS = {
+    "resistance": "hull.resistance_coefficient_N_s2_m2",
+    "inertia_front": "transmission.inertia_engine_side_kg_m2",
+    "inertia_back": "transmission.inertia_propeller_side_kg_m2",
+    "map_rack": "prime_mover.torque_per_rack_N_m_mm",
+    "inertia": "transmission.inertia_engine_side_kg_m2",
+    "kq": "propeller.torque_coefficient",
+    "ohm": "prime_mover.armature_resistance_ohm",
+    "constant": "prime_mover.motor_constant_V_s_rad",
+}
+"""Parameters that may be free: the simulator's name, and the key of the ship file."""
+
+CHOICES = {
+    FRIGATE: (
+        ("resistance", "inertia_front", "inertia_back", "map_rack"),
+        ("resistance", "map_rack"),
+        ("inertia_front", "inertia_back"),
+        ("resistance",),
+        ("inertia_front", "map_rack"),
+    ),
+    BENCH: (("inertia", "kq", "ohm"), ("kq", "ohm", "constant"), ("inertia",), ("inertia", "kq")),
+}
+"""Free parameters, one choice a recording in turn."""
+
+TOLERATED = {
+    FRIGATE: {
+        "resistance": "resistance", "mass": "mass", "kt_scale": "thrust_curve",
+        "rotative": "torque_curve", "inertia_front": "inertia", "inertia_back": "inertia",
+        "map_rack": "torque_per_rack", "pitch_time": "pitch_time_constant",
+    },
+    BENCH: {
+        "inertia": "inertia", "kq": "torque_curve", "ohm": "armature_resistance",
+        "constant": "motor_constant",
+    },
+}  # fmt: skip
+"""Parameters that a tolerance of the ship file speaks of as a share: the simulator's name, and its."""
+
+INERTIA_BEHIND = 0.010
+"""The bench's inertia on the propeller's side [kg m2], which its simulator adds to the motor's."""
+
+
+def water_of(case: Case) -> str:
+    """Return which of :data:`WATERS` a case is made in."""
+    return "bench" if case.ship == BENCH else "waves" if case.wave_height > 0.0 else "calm"
+
+
+def ship_of(case: Case) -> Ship:
+    """Return the ship as its file states it."""
+    text = file_text(case)
+    if text is None:
+        return load_ship(case.ship)
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "ship.toml").write_text(text, encoding="utf-8")
+        return load_ship(Path(folder) / "ship.toml")
+
+
+def free_of(case: Case) -> tuple[str, ...]:
+    """Return the simulator's names of the parameters that are free in a case."""
+    choices = CHOICES[case.ship]
+    return choices[np.random.default_rng([case.seed, case.index, 78]).integers(len(choices))]
+
+
+def cases(count: int, seed: int) -> list[Case]:
+    """Return as many cases of each water, with wrong parameters and nothing concealed.
+
+    Args:
+        count: of each of :data:`WATERS`.
+        seed: of the cases.
+    """
+    found: dict[str, list[Case]] = {water: [] for water in WATERS}
+    index = 0
+    while min(map(len, found.values())) < count:
+        case = draw_case(seed, index)
+        if case.kind.startswith("null") and case.programme not in (DULL, CALM_PROGRAMME):
+            found[water_of(case)].append(replace(case, factors=_factors(case)))
+        index += 1
+    return [case for water in WATERS for case in found[water][:count]]
+
+
+def _factors(case: Case) -> Numbers:
+    """Factors of the true parameters on the file's."""
+    rng, ship, free = (
+        np.random.default_rng([case.seed, case.index, 77]),
+        ship_of(case),
+        free_of(case),
+    )
+    found = {
+        name: float(1.0 + getattr(ship.tolerances, own) * rng.standard_normal())
+        for name, own in TOLERATED[case.ship].items()
+    }
+    return found | {name: float(rng.uniform(1.0 - WRONG, 1.0 + WRONG)) for name in free}
+
+
+def truth_of(case: Case, name: str) -> float:
+    """Return the true value of a free parameter, in the unit of its key."""
+    value = file_numbers(case)[name] * case.factors[name]
+    return value - INERTIA_BEHIND if name == "inertia" else value
+
+
+def judged(case: Case) -> dict[str, Any]:
+    """Return value, standard error, interval and truth of each free parameter of one recording."""
+    names = free_of(case)
+    about = {"water": water_of(case), "free": ", ".join(names), "programme": case.programme}
+    try:
+        found = identify(ship_of(case), make(case).recording, free=[KEYS[name] for name in names])
+    except ValueError as error:  # a recording that does not tell a parameter
+        return about | {"refused": str(error)}
+    numbers = {
+        name: [e.value, e.standard_error, *e.ci95, truth_of(case, name)]
+        for name, e in zip(names, found.estimates, strict=True)
+    }
+    return about | {"numbers": numbers}
+
+
+def share_interval(hits: int, of: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share (Clopper and Pearson 1934)."""
+    low = float(scipy.stats.beta.ppf(0.025, hits, of - hits + 1)) if hits else 0.0
+    high = float(scipy.stats.beta.ppf(0.975, hits + 1, of - hits)) if hits < of else 1.0
+    return low, high
+
+
+def row_of(own: np.ndarray) -> dict[str, Any]:
+    """Return what some intervals are worth.
+
+    ``width / calibrated`` is by how much the intervals are wider than the same ones scaled, in
+    hindsight, until exactly 95 % of them contain the truth; ``width / oracle`` compares their median
+    with one fixed interval about the truth that contains 95 % of the estimates.
+
+    Args:
+        own: value, standard error, interval's ends and truth, shape (intervals, 5).
+    """
+    value, error, low, high, truth = own.T
+    inside = int(np.sum((low <= truth) & (truth <= high)))
+    least, most = share_interval(inside, len(own))
+    half, off = 0.5 * (high - low), value - truth
+    return {
+        "intervals": len(own),
+        "covered %": 100.0 * inside / len(own), "from %": 100.0 * least, "to %": 100.0 * most,
+        "mean error / s.e.": float(np.mean(off / error)),
+        "sd of error / s.e.": float(np.std(off / error)),
+        "median s.e. %": 100.0 * float(np.median(error / truth)),
+        "median error %": 100.0 * float(np.median(np.abs(off / truth))),
+        "width / calibrated": 1.0 / float(np.quantile(np.abs(off) / half, 0.95)),
+        "width / oracle": float(np.median(half / truth) / np.quantile(np.abs(off / truth), 0.95)),
+    }  # fmt: skip
+
+
+def coverage(found: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return a row for each water and parameter, and one for all intervals together."""
+    kept: dict[tuple[str, str], list[list[float]]] = {}
+    for one in found:
+        for name, numbers in one["numbers"].items():
+            kept.setdefault((one["water"], name), []).append(numbers)
+    rows = [
+        {"water": water, "parameter": KEYS[name]} | row_of(np.array(kept[water, name]))
+        for water in WATERS
+        for name in KEYS
+        if (water, name) in kept
+    ]
+    everything = row_of(np.concatenate([np.array(one) for one in kept.values()]))
+    everything["width / oracle"] = np.nan  # one width for all parameters says nothing
+    return pd.DataFrame([*rows, {"water": "all", "parameter": "all"} | everything])
+
+
+def by_choice(found: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return the coverage for each choice of free parameters."""
+    kept: dict[tuple[str, str], list[list[float]]] = {}
+    for one in found:
+        kept.setdefault((one["water"], one["free"]), []).extend(one["numbers"].values())
+    return pd.DataFrame(
+        {"water": water, "free": free, "intervals": (row := row_of(np.array(own)))["intervals"],
+         "covered %": row["covered %"], "from %": row["from %"], "to %": row["to %"]}
+        for (water, free), own in sorted(kept.items())
+    )  # fmt: skip
+
+
+def study(folder: Path, work: Path, count: int, seed: int, jobs: int | None) -> pd.DataFrame:
+    """Judge recordings, resumably, and write ``coverage.csv`` and ``coverage.md``."""
+    code = source_digest(
+        "core", "plant", "mismatch", "validation/reality", "validation/coverage.py"
+    )
+    cells = {f"{seed}-{case.index}-{code}": case for case in cases(count, seed)}
+    done = [0]
+
+    def tick() -> None:
+        done[0] += 1
+        print(f"{done[0]} of {len(cells)} recordings", flush=True)
+
+    everything = list(sweep(judged, cells, work, jobs=jobs, tick=tick).values())
+    found = [one for one in everything if "numbers" in one]
+    refused = [one["refused"] for one in everything if "refused" in one]
+    table = coverage(found)
+    whole = table.iloc[-1]
+    body = (
+        f"{len(everything)} recordings of an independent simulator, seed {seed}, {count} each in calm "
+        "water, in waves and of a DC-motor thruster on a bench. One to four parameters are free and "
+        f"wrong in the ship file by up to {WRONG:.0%}. Every other parameter is wrong by a normal "
+        "deviate of its tolerance. Of all intervals "
+        f"**{whole['covered %']:.1f} %** contain the truth "
+        f"({whole['from %']:.1f} to {whole['to %']:.1f} %, Clopper and Pearson).\n\n"
+        f"{markdown(table, 2)}\n\n"
+        "`width / calibrated` is by how much the intervals are wider than the same intervals scaled "
+        "in hindsight until exactly 95 % contain the truth: above 1 they are needlessly wide, below 1 "
+        "too narrow. `width / oracle` compares the median half-width with one fixed interval that "
+        "contains 95 % of the estimates, which only somebody who knows the truth could state.\n\n"
+        f"{markdown(by_choice(found), 1)}\n\n"
+        f"{len(refused)} recordings were refused, because they do not tell a parameter"
+        f"{''.join(f'; {words}' for words in refused)}."
+    )
+    write_table(
+        folder, "coverage", "Do the 95 % intervals of identify contain the truth?",
+        f"python -m shaftline.validation.coverage --out docs/results/identify "
+        f"--records {count} --seed {seed}",
+        table, body,
+    )  # fmt: skip
+    return table
+
+
+def main() -> None:
+    """Entry point."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("out/identify"))
+    parser.add_argument("--work", type=Path, default=Path("out/coverage"))
+    parser.add_argument("--records", type=int, default=100, help="of each water")
+    parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--jobs", type=int, default=None)
+    asked = parser.parse_args()
+    print(study(asked.out, asked.work, asked.records, asked.seed, asked.jobs).to_string())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""The example that comes with the package: a case of the proof as a ship's logger would have written it.
+
+The recording is sailed by the proof's own equations, none of which the tool shares, and thinned to two
+rows a second. ``python -m shaftline.validation.example`` writes it again, the same to the letter.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ..core.files import write_json, write_text
+from ..mismatch.example import COLUMN_MAP, CONCEALED, FOLDER, RECORDING, SHIP_FILE
+from ..plant import load_ship
+from ..plant.ship_files import write_ship
+from .cases import draw_case
+from .recording import Reality, make
+
+SEED, INDEX = 7, 2
+"""Of the case: a harbour programme in a small sea, a fouled hull and an offset of the pitch actuator."""
+
+EVERY = 5  # rows; 0.5 s
+BEGINS = "2026-05-03 23:54:12.5"  # so that midnight falls into it
+_RPM, _KNOT = 30.0 / math.pi, 1852.0 / 3600.0
+_HEAD = "Propulsion data log;;;;;;\nShip: example frigate;;;;;;\n"
+_NAMES = {
+    "Time": ("hh:mm:ss", 1, "time_s"), "Fuel rack": ("%", 1, "fuel_rack_mm"),
+    "Pitch order": ("%", 1, "pitch_ratio_command"), "Pitch": ("%", 1, "pitch_ratio"),
+    "Shaft speed": ("rpm", 2, "shaft_speed_rad_s"), "Shaft torque": ("kN m", 2, "shaft_torque_N_m"),
+    "Log": ("kn", 2, "ship_speed_m_s"),
+}  # fmt: skip
+"""Name in the file: unit, decimals, canonical column."""
+
+
+def logged(reality: Reality) -> str:
+    """The recording's file."""
+    table = reality.recording.iloc[::EVERY]
+    ship = load_ship("frigate").record()
+    rack, pitch = float(ship["drive_max"]), float(ship["pitch_ratio_max"])
+    stamps = pd.Timestamp(BEGINS) + pd.to_timedelta(table["time_s"], unit="s")
+    values = {
+        "fuel_rack_mm": 100.0 / rack * table["fuel_rack_mm"],
+        "pitch_ratio_command": 100.0 / pitch * table["pitch_ratio_command"],
+        "pitch_ratio": 100.0 / pitch * table["pitch_ratio"],
+        "shaft_speed_rad_s": _RPM * table["shaft_speed_rad_s"],
+        "shaft_torque_N_m": 1e-3 * table["shaft_torque_N_m"],
+        "ship_speed_m_s": table["ship_speed_m_s"] / _KNOT,
+    }
+    columns = {"Time": [f"{t:%H:%M:%S}.{t.microsecond // 100000}" for t in stamps]} | {
+        name: [f"{v:.{digits}f}" for v in values[column]]
+        for name, (_, digits, column) in list(_NAMES.items())[1:]
+    }
+    columns["Log"][100:102] = ["", ""]  # two values lost, as loggers lose some
+    rows = np.array(list(columns.values())).T
+    lines = [";".join(_NAMES), ";".join(unit for unit, _, _ in _NAMES.values())]
+    lines += [";".join(row).replace(".", ",") for row in rows]
+    return _HEAD + "\n".join(lines) + "\n"
+
+
+def column_map() -> str:
+    """The column map's file."""
+    units = {"hh:mm:ss": "datetime", "%": "percent of range"}
+    lines = [
+        "# how the logger's names and units are to be read; see docs/recordings.md",
+        "[columns]",
+    ]
+    for name, (unit, _, column) in _NAMES.items():
+        said = f', unit = "{units[unit]}"' if unit in units else ""
+        what = f'{{ column = "{column}"{said} }}' if said else f'"{column}"'
+        lines.append(f'"{name}" = {what}')
+    return "\n".join(lines) + "\n"
+
+
+def concealed(reality: Reality) -> dict[str, float]:
+    """Size of each effect in the tool's own terms, by its name."""
+    told = reality.truth["equivalents"]
+    return {key.split("/")[0]: round(told[key]["value"], 5) for key in sorted(told)}
+
+
+def main(folder: Path = FOLDER) -> None:
+    """Write the example's files."""
+    reality = make(draw_case(SEED, INDEX))
+    write_text(folder / RECORDING, logged(reality))
+    write_json(folder / CONCEALED, concealed(reality))
+    write_text(folder / COLUMN_MAP, column_map())
+    write_ship(load_ship("frigate"), folder / SHIP_FILE)
+
+
+if __name__ == "__main__":
+    main()
