@@ -37,7 +37,9 @@ def _refuse_import_by_accident() -> None:
     from os import environ, pathsep
 
     above = here.parent.resolve()
-    chosen = [_Path(entry).resolve() for entry in environ.get("PYTHONPATH", "").split(pathsep) if entry]
+    chosen = [
+        _Path(entry).resolve() for entry in environ.get("PYTHONPATH", "").split(pathsep) if entry
+    ]
     beside = bool(_sys.path) and _Path(_sys.path[0]).resolve() == above
     if not beside or above in chosen:
         return

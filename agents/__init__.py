@@ -8,8 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from .evaluation.clairvoyant import Clairvoyant
-from .evaluation.controllers import load_controller
-from .evaluation.episodes import Setting, run_episodes
+from .evaluation.episodes import Setting, load_controller, run_episodes
 from .evaluation.kpis import KPIS
 from .evaluation.statistics import summary
 from .evaluation.sweeps import Evaluation, evaluate

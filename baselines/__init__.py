@@ -14,7 +14,7 @@ from .combinator_surface import CombinatorSurface, combinator_surface
 from .controller import OBSERVED, Controller, Readings, readings
 from .cpp_optimiser import CppOptimiser
 from .governor import Governor
-from .helmsman import Course, Helmsman
+from .helmsman import Course, Helmsman, TrackKeeper
 from .loops import controller_loop, helmsman_loop
 from .mpc import ModelPredictive
 from .registry import (
@@ -29,7 +29,6 @@ from .speed_pilot import SpeedPilot
 from .steady_points import SteadyPoint, steady_point
 from .steering import SteeringController
 from .thrust_control import ThrustControl, ThrustControlTuning
-from .track_keeper import TrackKeeper
 from .va_pitch import VaPitch
 
 __all__ = [

@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 
 from ..plant.ship import Ship
 from .combinator import TORQUE_MARGIN, full_pitch
-from .open_water_fit import OpenWaterFit, fit_open_water
 from .steady_points import require_diesel, steady_point
-from .working_point import Working, search, slack, working
+from .working_point import OpenWaterFit, Working, fit_open_water, search, slack, working
 
 ADVANCE_SPEEDS, THRUSTS = 15, 13
 """Nodes of the surface."""

@@ -26,7 +26,7 @@ from .combinator import Combinator
 from .combinator_surface import OptimalSetting, combinator_surface, look_up
 from .controller import Controller, Readings
 from .governor import RESPONSE_S
-from .open_water_fit import fit_open_water, surface
+from .working_point import fit_open_water, surface
 
 FILTER_S = 8.0
 """Time constant of the filters on estimated advance speed and thrust [s]: longer than a wave."""

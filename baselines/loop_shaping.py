@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from ..core.compiled import compiled
 from ..core.lazy import control
-from ..plant.ship import Ship
-from ..plant.ship_errors import ShipError
+from ..plant.ship import Ship, ShipError
 from ..plant.steady_state import Equilibrium
 from ..plant.steering import Nomoto, nomoto
 

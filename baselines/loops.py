@@ -15,8 +15,7 @@ from ..core.lazy import control
 from ..plant.approach import approach
 from ..plant.linear import linearise
 from ..plant.loops import Loop, broken_at
-from ..plant.ship import Ship
-from ..plant.ship_errors import ShipError
+from ..plant.ship import Ship, ShipError
 from ..plant.steady_state import Equilibrium, equilibrium
 from ..plant.voyage import Voyage
 from .autopilot import Autopilot

@@ -12,8 +12,7 @@ from ..plant.drives.diesel import rack_of_torque, torque_limit
 from ..plant.dynamics import Loads, loads
 from ..plant.fuel import fuel_rate
 from ..plant.shaft import brake_torque_of, drive_torque
-from ..plant.ship import Ship
-from ..plant.ship_errors import ShipError
+from ..plant.ship import Ship, ShipError
 from ..plant.state import Inputs, State, without_lags
 
 _FASTEST = 40.0  # m/s

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .actions import encode_all
-from .controller import OBSERVED, Controller, readings, resumed
+from .controller import OBSERVED, Controller, encode_all, readings, resumed
 from .helmsman import STEERED, Course, ShapedHelmsman
 
 OBSERVED_STEERED = (*OBSERVED, *STEERED)

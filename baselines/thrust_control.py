@@ -1,4 +1,11 @@
-"""Four-quadrant thrust controller of an electric drive (Pivano et al. 2008, section 4).
+"""The thrust law's arithmetic, compiled: one instant of one propeller (Pivano et al. 2008, section 4).
+
+What drives the shaft enters nowhere: a diesel's controller and an electric drive's both begin here, the
+one making a fuel rack of the torque that is asked for, the other a command of torque.
+
+Tuning of the thrust law (Pivano et al. 2008, section 4) and the conditions on its gains.
+
+Four-quadrant thrust controller of an electric drive (Pivano et al. 2008, section 4).
 
 "A four-quadrant thrust controller for marine propellers with loss estimation and anti-spin", as it was
 written: the drive gives the torque that it is told, the pitch is fixed, the shaft turns either way.
@@ -6,20 +13,299 @@ written: the drive gives the torque that it is told, the pitch is fixed, the sha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.compiled import Record, compiled
 from ..core.numeric import clip
+from ..plant.propeller import advance_ratio_of, coefficients_along
+from ..plant.shaft import shaft_inertia
 from ..plant.ship import Ship
 from ..plant.ship_files import load_ship
-from .thrust_law import ThrustLaw
-from .thrust_law_kernel import THRUST_LAW, THRUST_LAW_MEMORY, integrate_error, torque_demand
-from .torque_loss import TorqueLossObserver
-from .ventilation_detection import VentilationDetector
+from .ventilation import (
+    DETECTION,
+    DETECTOR,
+    TORQUE_LOSS,
+    TORQUE_LOSS_OBSERVER,
+    TorqueLossObserver,
+    VentilationDetector,
+    bollard_gain,
+    direction_of,
+    estimated_propeller_torque,
+    excess_inflow,
+    shaft_load,
+    torque_ratio,
+    update_detection,
+    update_torque_loss,
+)
+
+THRUST_LAW = np.dtype(
+    [
+        ("observer", TORQUE_LOSS_OBSERVER),
+        ("detector", DETECTOR),
+        ("anti_spin", np.int64),
+        ("inertia", np.float64),  # J_m of the whole shaft line [kg m2]
+        ("gamma", np.float64),  # [1/s]
+        ("proportional", np.float64),  # k_P [N m s/rad]
+        ("integral", np.float64),  # k_I [N m/rad]
+        ("highest_advance", np.float64, (2,)),  # highest J-hat over P/D, ahead and astern [-]
+        ("speed_min", np.float64),  # of the shaft [rad/s]; negative where it turns astern too
+        ("speed_max", np.float64),
+        ("filter", np.float64, (2, 2)),  # transition of omega_d and its rate over a step
+    ],
+    align=True,
+)
+
+THRUST_LAW_MEMORY = [
+    ("started", np.int64),
+    ("estimate", TORQUE_LOSS),
+    ("detection", DETECTION),
+    ("reference", np.float64),  # omega_d [rad/s]
+    ("reference_rate", np.float64),  # [rad/s2]
+    ("error_integral", np.float64),  # e1 [rad]
+    ("shaft_torque", np.float64),  # Q_m that the law asks for, before the drive's limits [N m]
+]
+"""Fields of a controller's memory; what it has read goes beside them."""
+
+
+@compiled
+def thrust_per_torque(law: Record, torque: float, shaft_speed: float, pitch: float) -> float:
+    """G_QT(J-hat) = T / Q [1/m] at the advance ratio that an estimated torque tells (eq. 18).
+
+    KT and KQ are those of the ship's own curves, in the direction of rotation. J-hat lies between 0 (the
+    paper's zone 1, where KQ cannot be inverted) and the usual working range's end: beyond it thrust, and
+    with it G_QT, goes to zero, and the desired torque would run away.
+    """
+    ship = law.observer.ship
+    direction = direction_of(ship, shaft_speed)
+    highest = law.highest_advance[0 if direction > 0.0 else 1] * pitch
+    bollard = bollard_gain(ship, pitch, direction) * shaft_speed * shaft_speed
+    if not bollard > 0.0:
+        j = 0.0
+    else:
+        _, kq0 = coefficients_along(ship, 0.0, pitch, direction)
+        kq = kq0 * (direction * torque) / bollard
+        j, _ = advance_ratio_of(ship, kq, pitch, 0.5 * highest, direction)
+        j = min(max(j, 0.0), highest)
+    kt, kq = coefficients_along(ship, j, pitch, direction)
+    return float(kt / (ship.diameter * (kq / ship.relative_rotative_efficiency)))
+
+
+@compiled
+def desired_speed(law: Record, estimate: Record, thrust: float, pitch: float) -> float:
+    """Shaft speed [rad/s] that gives a thrust [N] despite the estimated loss (eqs. 17 and 19)."""
+    ship = law.observer.ship
+    torque = estimated_propeller_torque(ship, estimate)
+    wanted = thrust / thrust_per_torque(law, torque, estimate.shaft_speed, pitch)
+    beyond = wanted - estimate.torque_loss
+    gain = bollard_gain(ship, pitch, direction_of(ship, beyond))
+    speed = math.copysign(math.sqrt(abs(beyond) / gain), beyond)
+    return float(min(max(speed, law.speed_min), law.speed_max))
+
+
+@compiled
+def torque_demand(
+    law: Record,
+    memory: Record,
+    thrust: float,
+    ventilated_ahead: float,
+    ventilated_astern: float,
+    shaft_speed: float,
+    shaft_torque: float,
+    pitch: float,
+    ship_speed: float,
+) -> float:
+    """Torque Q_m [N m] that the law asks for at one instant; the memory changes in place.
+
+    Args:
+        law: THRUST_LAW record.
+        memory: with the fields THRUST_LAW_MEMORY, all zeros at the first instant.
+        thrust: T_pd, of one propeller [N].
+        ventilated_ahead: omega_v,opt, which a shaft in air does not exceed [rad/s].
+        ventilated_astern: the same of a shaft that turns astern, positive [rad/s].
+        shaft_speed: omega, measured [rad/s].
+        shaft_torque: Q_m, where the observer knows it [N m].
+        pitch: P/D [-].
+        ship_speed: v_s, measured [m/s].
+    """
+    ship = law.observer.ship
+    estimate, detection = memory.estimate, memory.detection
+    update_torque_loss(law.observer, estimate, shaft_speed, shaft_torque, pitch)
+    torque = estimated_propeller_torque(ship, estimate)
+    ratio = torque_ratio(law.detector, ship, torque, shaft_speed, pitch, ship_speed)
+    inflow = excess_inflow(ship, torque, shaft_speed, pitch, ship_speed)
+    update_detection(law.detector, detection, ratio, inflow)
+
+    wanted = desired_speed(law, estimate, thrust, pitch)
+    if law.anti_spin != 0 and detection.ventilating != 0:
+        # limited before the filter, so that its output and the feed-forward stay smooth
+        wanted = float(clip(wanted, -ventilated_astern, ventilated_ahead))
+    if memory.started == 0:
+        memory.reference = shaft_speed  # at rest there
+        memory.started = 1
+    else:
+        away, rate = memory.reference - wanted, memory.reference_rate
+        turn = law.filter
+        memory.reference = wanted + turn[0, 0] * away + turn[0, 1] * rate
+        memory.reference_rate = turn[1, 0] * away + turn[1, 1] * rate
+
+    # eq. 21
+    reference, e1, gamma = memory.reference, memory.error_integral, law.gamma
+    e2 = shaft_speed - reference
+    demand = law.inertia * memory.reference_rate + estimate.torque_loss
+    demand += shaft_load(law.observer, pitch, reference - gamma * e1)
+    demand += law.observer.viscous * reference
+    demand -= (law.integral + gamma * law.proportional) * e1
+    demand -= law.proportional * e2
+    memory.shaft_torque = demand
+    return float(demand)
+
+
+@compiled
+def integrate_error(
+    law: Record, memory: Record, shaft_speed: float, starved: bool, closed: bool
+) -> None:
+    """Carry e1 over the interval, unless that pushes further against a limit of the drive.
+
+    Args:
+        law: THRUST_LAW record.
+        memory: with the fields THRUST_LAW_MEMORY.
+        shaft_speed: omega, measured [rad/s].
+        starved: whether the drive gives all it has.
+        closed: whether it gives the least it can.
+    """
+    e2 = shaft_speed - memory.reference
+    if not ((starved and e2 < 0.0) or (closed and e2 > 0.0)):
+        memory.error_integral += law.observer.dt * e2
+
+
+def check_gains(
+    gamma: float, proportional: float, integral: float, inertia: float, viscous: float
+) -> None:
+    """Refuse gains of the law (21) that violate the paper's conditions B1 to B3.
+
+    Args:
+        gamma: [1/s].
+        proportional: k_P [N m s/rad].
+        integral: k_I [N m/rad].
+        inertia: J_m of the whole shaft line [kg m2].
+        viscous: k_f2 [N m s/rad].
+
+    Raises:
+        ValueError: a gain is not finite or a condition is violated; the message names it.
+    """
+    if not all(map(math.isfinite, (gamma, proportional, integral))):
+        raise ValueError("thrust law: every gain must be a finite number")
+    if not gamma > 0.0:
+        raise ValueError(f"thrust law: condition B1 is violated: gamma = {gamma:g} 1/s must be > 0")
+    least = max(0.0, gamma * inertia - viscous)
+    if not proportional > least:
+        raise ValueError(
+            f"thrust law: condition B2 is violated: k_P = {proportional:g} N m s/rad must exceed "
+            f"{least:g}, the larger of 0 and gamma J_m - k_f2"
+        )
+    least = max(0.0, -inertia * gamma * gamma + gamma * viscous)
+    if not integral > least:
+        raise ValueError(
+            f"thrust law: condition B3 is violated: k_I = {integral:g} N m/rad must exceed "
+            f"{least:g}, the larger of 0 and -J_m gamma^2 + gamma k_f2"
+        )
+
+
+def _thrust_ends(ship: Ship) -> tuple[float, float]:
+    """J over P/D [-] about which there is no thrust left, ahead and astern.
+
+    A four-quadrant propeller loses its thrust astern at a lower J; J = P/D does for the B-series.
+    """
+    if ship.propeller.model != "four-quadrant":
+        return 1.0, 1.0
+    plant, pitch = ship.record(), ship.propeller.pitch_ratio_max
+
+    def end(direction: float) -> float:
+        return float(
+            scipy.optimize.brentq(
+                lambda j: coefficients_along(plant, j, pitch, direction)[0], 0.0, 3.0
+            )
+        )
+
+    return end(1.0) / pitch, end(-1.0) / pitch
+
+
+@dataclass(frozen=True)
+class ThrustLaw:
+    """Numbers of the law that holds a thrust; the paper prints none of them.
+
+    The defaults are the diesel frigate's, for a control interval of 0.5 s.
+    """
+
+    gamma: float = 0.1  # [1/s]
+    proportional_rate: float = 0.6  # k_P / J_m [1/s]
+    integral_rate: float = 0.05  # k_I / J_m [1/s2]
+    cutoff_rad_s: float = 1.5  # omega_c of the reference filter [rad/s]
+    damping: float = 1.0  # xi of the reference filter [-]
+    highest_advance: float = 0.9  # highest J-hat in G_QT over that of no thrust, about P/D [-]
+    observer: TorqueLossObserver = field(default_factory=TorqueLossObserver)  # of the torque loss
+    detector: VentilationDetector = field(default_factory=VentilationDetector)  # of air
+
+    def tuned(self, numbers: dict[str, float]) -> Self:
+        """The same with some numbers of its own or of its parts replaced, by name.
+
+        Raises:
+            TypeError: a number that it does not have.
+        """
+        rest, parts = dict(numbers), {}
+        for name in ("observer", "detector"):
+            part = getattr(self, name)
+            own = {f.name: rest.pop(f.name) for f in fields(part) if f.name in rest}
+            parts[name] = replace(part, **own)
+        return replace(self, **parts, **rest)  # type: ignore[arg-type]
+
+    def settings(
+        self, ship: Ship, interval_s: float, anti_spin: bool, speeds: tuple[float, float]
+    ) -> Any:
+        """THRUST_LAW record.
+
+        Args:
+            ship: with a shaft that turns freely.
+            interval_s: control interval [s].
+            anti_spin: whether ventilation limits the shaft speed.
+            speeds: lowest and highest desired shaft speed [rad/s].
+
+        Raises:
+            ValueError: the tuning violates a condition of the paper.
+        """
+        if not (self.cutoff_rad_s > 0.0 and self.damping > 0.0):
+            raise ValueError("thrust law: the reference filter's cut-off and damping must be > 0")
+        law = np.zeros(1, THRUST_LAW)[0]
+        law["observer"] = self.observer.discretise(ship, interval_s)
+        law["detector"] = self.detector.discretise(interval_s)
+        law["anti_spin"] = anti_spin
+        inertia = float(shaft_inertia(ship.record()))
+        law["inertia"] = inertia
+        law["gamma"] = self.gamma
+        law["proportional"] = self.proportional_rate * inertia
+        law["integral"] = self.integral_rate * inertia
+        check_gains(
+            self.gamma,
+            float(law["proportional"]),
+            float(law["integral"]),
+            inertia,
+            float(law["observer"]["viscous"]),
+        )
+        law["highest_advance"] = self.highest_advance * np.array(_thrust_ends(ship))
+        law["speed_min"], law["speed_max"] = speeds
+        # eq. 20 for an input held over the step, exactly
+        cutoff = self.cutoff_rad_s
+        law["filter"] = scipy.linalg.expm(
+            interval_s * np.array([[0.0, 1.0], [-(cutoff**2), -2.0 * cutoff * self.damping]])
+        )
+        return law
+
 
 THRUST_CONTROL = np.dtype(
     [

@@ -1,7 +1,15 @@
-"""One working point of propeller and engine as the CPP optimiser sees it, and a search over many."""
+"""One working point of propeller and engine as the CPP optimiser sees it, and a search over many.
+
+Open-water curves of a controllable-pitch propeller as polynomial surfaces K(J; p) = J' A p.
+
+The CPP optimiser paper's section 2.1: each coefficient of the usual polynomial in the advance ratio J
+is itself a polynomial in the blade's position, here the pitch ratio p = P/D. The surfaces are fitted to
+the plant's own curves, so whatever model a ship uses, the optimiser sees one smooth function.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +20,10 @@ from ..plant.cavitation import burrill_ratio
 from ..plant.drives.diesel import torque_limit
 from ..plant.fuel import fuel_rate
 from ..plant.open_water import REVOLUTIONS_PER_RADIAN, advance_ratio
+from ..plant.propeller import propeller_load
 from ..plant.shaft import brake_torque_of, load_torque
+from ..plant.ship import Ship, ShipError
 from .combinator import TORQUE_MARGIN
-from .open_water_fit import highest_j, surface, surface_slope
 
 
 class Working(NamedTuple):
@@ -102,3 +111,89 @@ def search(
                 found[count, 2], found[count, 3] = w.thrust, w.cost
                 count += 1
     return count
+
+
+J_DEGREE, PITCH_DEGREE = 4, 5
+LARGEST_ERROR = 0.004
+"""Of the fit over the working range, as a share of the curve's largest value: the paper's 0.4 %."""
+
+_GRID = (41, 25)  # advance ratios and pitch ratios
+
+
+@compiled
+def highest_j(pitch_ratio: float) -> float:
+    """J_max(p), the end of the working range: thrust ends a little above J = P/D."""
+    return 1.05 * pitch_ratio + 0.15
+
+
+class OpenWaterFit(NamedTuple):
+    """Polynomial surfaces of a propeller; entry [i, j] multiplies J^i p^j."""
+
+    thrust: NDArray[np.float64]  # A, shape (5, 6)
+    torque: NDArray[np.float64]  # B, shape (5, 6)
+    thrust_error: float  # largest error / largest KT of the working range [-]
+    torque_error: float  # likewise of KQ [-]
+
+
+@compiled
+def surface(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio: float) -> float:
+    """K(J; p) [-] of one matrix, by Horner's rule in both."""
+    value = 0.0
+    for i in range(matrix.shape[0] - 1, -1, -1):
+        row = 0.0
+        for j in range(matrix.shape[1] - 1, -1, -1):
+            row = row * pitch_ratio + matrix[i, j]
+        value = value * advance_ratio + row
+    return value
+
+
+@compiled
+def surface_slope(matrix: NDArray[np.float64], advance_ratio: float, pitch_ratio: float) -> float:
+    """DK / dJ [-] of one matrix."""
+    value = 0.0
+    for i in range(matrix.shape[0] - 1, 0, -1):
+        row = 0.0
+        for j in range(matrix.shape[1] - 1, -1, -1):
+            row = row * pitch_ratio + matrix[i, j]
+        value = value * advance_ratio + i * row
+    return value
+
+
+def fit_open_water(ship: Ship) -> OpenWaterFit:
+    """Least-squares surfaces over the working range: 0 <= J up to zero thrust, the ship's pitches.
+
+    Args:
+        ship: a ship with a propeller of controllable pitch.
+
+    Raises:
+        ShipError: the propeller has a fixed pitch, or the fit is worse than :data:`LARGEST_ERROR`.
+    """
+    screw = ship.propeller
+    if not ship.has_variable_pitch:
+        raise ShipError(f"{ship.name}: the CPP optimiser needs a propeller of controllable pitch")
+    plant = ship.record()
+    diameter = screw.diameter_m
+    force = ship.water.density_kg_m3 * diameter**4  # of KT at one revolution per second
+    rows = []
+    for p in np.linspace(max(screw.pitch_ratio_min, 0.1), screw.pitch_ratio_max, _GRID[1]):
+        for j in np.linspace(0.0, highest_j(float(p)), _GRID[0]):
+            load = propeller_load(
+                plant, float(j) * diameter, 2.0 * math.pi, float(p), screw.depth_m, 0.0
+            )
+            kt, kq = load.thrust / force, load.torque / (force * diameter)
+            if kt >= 0.0 and kq > 0.0:
+                rows.append((j, p, kt, kq))
+    j, p, kt, kq = np.array(rows).T
+    basis = np.polynomial.polynomial.polyvander2d(j, p, [J_DEGREE, PITCH_DEGREE])
+    shape = (J_DEGREE + 1, PITCH_DEGREE + 1)
+    matrices, errors = [], []
+    for curve in (kt, kq):
+        coefficients = np.linalg.lstsq(basis, curve, rcond=None)[0]
+        errors.append(float(np.max(np.abs(basis @ coefficients - curve)) / np.max(curve)))
+        matrices.append(np.ascontiguousarray(coefficients.reshape(shape)))
+    if max(errors) > LARGEST_ERROR:
+        raise ShipError(
+            f"{ship.name}: the open-water surfaces miss the curves by {100 * max(errors):.2f} %, "
+            f"more than {100 * LARGEST_ERROR:.1f} %"
+        )
+    return OpenWaterFit(matrices[0], matrices[1], errors[0], errors[1])

@@ -12,7 +12,14 @@ from .. import display
 from ..core.files import check_writable, write_text
 from ..mismatch.recordings.survey import survey
 from ..plant import load_ship
-from .console import BelievedShip, ColumnMap, SteadyRows, clear_errors, print_table, say
+from .console import (
+    BelievedShip,
+    ColumnMap,
+    SteadyRows,
+    clear_errors,
+    print_table,
+    say,
+)
 
 REFUSED = 2
 """Exit code where the recording cannot be used as it is."""

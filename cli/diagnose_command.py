@@ -13,8 +13,7 @@ from ..mismatch import Options
 from ..mismatch.diagnosis import SHIP
 from ..mismatch.example import concealed, copy_example
 from ..mismatch.folder import recordings_in
-from ..mismatch.report.files import PAGE, REPORT
-from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE
+from ..mismatch.report.index import INDEX_PAGE, INDEX_TABLE, PAGE, REPORT
 from ..plant import Ship, load_ship
 from .console import (
     Backend,

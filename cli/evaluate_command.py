@@ -10,8 +10,7 @@ import numpy as np
 import typer
 
 from .. import display
-from ..agents.evaluation.controllers import known, label, load_controller
-from ..agents.evaluation.episodes import Setting
+from ..agents.evaluation.episodes import Setting, known, label, load_controller
 from ..agents.evaluation.kpis import KPIS
 from ..agents.evaluation.page import distinct, zero_everywhere
 from ..agents.evaluation.scores import bounds
@@ -34,7 +33,7 @@ from .console import (
     print_table,
     progress,
     say,
-)  # fmt: skip
+)
 from .machine import numbers
 
 _INTERVAL = DEFAULTS.control_interval_s

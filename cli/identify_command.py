@@ -8,12 +8,18 @@ from typing import Annotated
 import typer
 
 from .. import mismatch
-from ..mismatch.numbers.free import AUTO, doubtful
-from ..mismatch.numbers.identification import SHIP
-from ..mismatch.numbers.pipeline import DEFAULT, METHODS
-from ..mismatch.report.files import PAGE, REPORT
+from ..mismatch.identification.free_parameters import AUTO, doubtful
+from ..mismatch.identify import DEFAULT, METHODS, SHIP
+from ..mismatch.report.index import PAGE, REPORT
 from ..plant import load_ship
-from .console import BelievedShip, ColumnMap, check_folder, clear_errors, say, stages
+from .console import (
+    BelievedShip,
+    ColumnMap,
+    check_folder,
+    clear_errors,
+    say,
+    stages,
+)
 from .machine import numbers
 
 

@@ -19,8 +19,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from . import STOPPED
+from .console import loading, tell_compiling
 from .machine import with_json
-from .progress import loading, tell_compiling
 
 COMMANDS = (
     "tour", "new-ship", "simulate", "manoeuvre", "linearise", "loop", "reproduce", "train", "tune",

@@ -11,7 +11,7 @@ from .. import display
 from ..core.files import check_writable, write_json
 from ..display.tables import write_csv
 from ..plant import approach, load_ship
-from ..plant.manoeuvring_standards import MANOEUVRES, Trials, criteria, trials
+from ..plant.manoeuvres import MANOEUVRES, Trials, criteria, trials
 from .console import check_folder, clear_errors, print_table, progress, say
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..core.files import check_writable, write_text
-from ..plant.ship_templates import template_names, template_text
+from ..plant.ship_files import template_names, template_text
 from .console import clear_errors, say
 
 

@@ -11,7 +11,7 @@ import typer
 from .. import display
 from ..core.files import check_writable, write_atomically
 from ..observers import follow_table, get_observer
-from ..observers.metrics import with_noisy_readings
+from ..observers.following import with_noisy_readings
 from ..plant import get_sea, load_ship, realise
 from ..plant.columns import input_columns, signal_columns
 from ..plant.load_cases import CASES, NOISE_SNR_DB, get_case

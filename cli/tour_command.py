@@ -1,16 +1,365 @@
-"""``shaftline tour``."""
+"""The tour: a frigate in a seaway with every observer, then a measured drive train and its models.
+
+The drive train is that of the tug Tito Neri (Vrijdag & Martelli 2021): five measured steady states
+(Table 4) and a frequency response of nine points about point C (Table 2), beside the model with each of
+the two parameter sets that the authors identified (Table 5).
+
+``shaftline tour``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
+import pandas as pd
 import typer
+from numpy.typing import NDArray
 
 from ..core.files import write_atomically
-from ..display.figures import save
+from ..display.figures import ESTIMATE, PALETTE, THESIS, TRUTH, new_figure, save
+from ..observers import follow, get_observer, readings_of
+from ..observers.following import variance_accounted_for
+from ..plant import Schedule, Ship, equilibrium, linearise, load_ship, simulate
+from ..plant.load_cases import CASES
+from ..plant.state import State
 from .console import check_folder, clear_errors, print_table, progress, say
-from .tour import OBSERVERS, simulate_drive_train, simulate_seaway
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+OBSERVERS = (
+    "luenberger-low", "luenberger-moderate", "luenberger-high", "shaft-kalman", "power-balance",
+    "shaft-acceleration", "shaft-acceleration-derived", "immersion-invariance-low",
+    "immersion-invariance-moderate", "immersion-invariance-high", "random-walk-kalman-printed",
+    "random-walk-kalman",
+)  # fmt: skip
+"""Observers that are compared: the eleven of the thesis, and the last with an estimated noise."""
+
+METER_NOISE = {
+    "shaft_speed_rad_s": 0.01,
+    "shaft_torque_N_m": 1500.0,
+    "pitch_ratio": 0.004,
+    "shaft_acceleration_rad_s2": 0.02,
+}
+"""Rms noise per reading at 20 Hz of good shipboard instruments: encoder, strain gauge (1 % of full
+torque), pitch feedback, accelerometer. Assumed, as orders of magnitude."""
+
+PERFECT, NOISY = "VAF perfect readings [%]", "VAF noisy readings [%]"
+
+
+MODELS = ("tito-neri-staircase", "tito-neri-sine")
+REFERENCE_VOLTAGE = 5.89  # point C, about which the frequency response was measured
+DISCARDED_ABOVE = 900.0  # rad/s; the authors discard 1000 and 5000 rad/s: too little signal
+
+
+@dataclass(frozen=True)
+class Seaway:
+    """The frigate's voyage: a table of observers and a picture."""
+
+    table: pd.DataFrame
+    figure: Figure
+
+    @property
+    def sentence(self) -> str:
+        """Which observers follow best."""
+        by_name = self.table.set_index("observer")
+        perfect, noisy = by_name[PERFECT], by_name[NOISY].drop("shaft-acceleration")
+        return (
+            f"With noisy readings and no accelerometer, {noisy.idxmax()} follows best "
+            f"({noisy.max():.1f} %); {perfect.drop('shaft-acceleration').idxmax()}, the best with "
+            "perfect readings, amplifies the noise and falls to "
+            f"{noisy[perfect.drop('shaft-acceleration').idxmax()]:.1f} %."
+        )
+
+
+def simulate_seaway(seed: int = 0, tick: Callable[[], None] = lambda: None) -> Seaway:
+    """Sail 300 s of head seas and let every observer estimate the advance velocity.
+
+    Args:
+        seed: of the sea and of the noise.
+        tick: called after each observer.
+
+    Returns:
+        Table with VAF [%] and rms error [m/s], with perfect and with noisy readings.
+    """
+    frigate = load_ship("frigate")
+    samples = CASES["jonswap"].run(frigate, seed=seed)
+    dt, truth = frigate.time_step_s, samples["advance_velocity"]
+    clean = readings_of(samples)
+    rms = np.array([*METER_NOISE.values(), 0.0])
+    noisy = clean + np.random.default_rng(seed).standard_normal(clean.shape) * rms
+    rows, estimates, scores = [], {}, {}
+    for name in OBSERVERS:
+        exact, _ = follow(get_observer(name), frigate, clean, dt)
+        real, valid = follow(get_observer(name), frigate, noisy, dt)
+        estimates[name], scores[name] = real, variance_accounted_for(truth, real)
+        rows.append(
+            {
+                "observer": name,
+                PERFECT: variance_accounted_for(truth, exact),
+                NOISY: scores[name],
+                "rms error, noisy [m/s]": float(np.sqrt(np.mean((real - truth) ** 2))),
+                "valid [%]": 100.0 * float(np.mean(valid)),
+            }
+        )
+        tick()
+    figure = _draw_seaway(samples["time"], truth, estimates, scores, (100.0, 160.0))
+    return Seaway(pd.DataFrame(rows), figure)
+
+
+@dataclass(frozen=True)
+class DriveTrain:
+    """Tito Neri: tables, sentences and a picture."""
+
+    points: pd.DataFrame
+    response: pd.DataFrame
+    sentences: list[str]
+    figure: Figure
+
+    @property
+    def gains(self) -> pd.DataFrame:
+        """Gains of the frequency response, measured beside each parameter set's."""
+        columns: dict[str, object] = {}
+        for quantity in ("speed", "current"):
+            for model, lines in self.response.groupby("model", sort=False):
+                columns["rad/s"] = lines["frequency_rad_s"].to_numpy()
+                columns[f"{quantity}, measured"] = lines[f"{quantity}_gain_measured"].to_numpy()
+                short = str(model).removeprefix("tito-neri-")
+                columns[f"{quantity}, {short}"] = lines[f"{quantity}_gain"].to_numpy()
+        return pd.DataFrame(columns)
+
+
+def simulate_drive_train() -> DriveTrain:
+    """Simulate Tito Neri at the measured voltages with both published parameter sets."""
+    points = operating_points()
+    response = frequency_response()
+    sentences = [verdict(points, model) for model in MODELS]
+    sentences += [
+        f"{model}: rms gain error of the frequency response up to 500 rad/s: speed "
+        f"{response_error(response, model, 'speed'):.2f} dB, current "
+        f"{response_error(response, model, 'current'):.2f} dB."
+        for model in MODELS
+    ]
+    figure = _draw_drive_train(points, response)
+    return DriveTrain(points, response, sentences, figure)
+
+
+def _measured(name: str) -> pd.DataFrame:
+    """Return a published table of measurements of Tito Neri, indexed by its first column."""
+    with resources.files("shaftline.plant").joinpath(f"data/{name}.csv").open() as file:
+        return pd.read_csv(file, index_col=0)
+
+
+def _settled(ship: Ship, voltage: float) -> tuple[float, float]:
+    """Motor speed [rad/s] and current [A], two seconds after switching on from standstill."""
+    rest = State(ship.propeller.pitch_ratio_max, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    last = simulate(ship, Schedule(voltage, ship.propeller.pitch_ratio_max), 2.0, initial=rest)[-1]
+    return float(last["shaft_speed"]) * ship.transmission.gear_ratio, float(last["motor_current"])
+
+
+def speed_errors_percent(ship: Ship) -> NDArray[np.float64]:
+    """Steady speed at the five voltages less the measured one [%], shape (5,)."""
+    found = []
+    for point in _measured("tito_neri_operating_points").itertuples():
+        steady = equilibrium(ship, float(point.motor_voltage_V), ship.propeller.pitch_ratio_max)
+        speed = steady.state.shaft_speed * ship.transmission.gear_ratio
+        found.append(100.0 * (speed / float(point.motor_speed_rad_s) - 1.0))
+    return np.array(found)
+
+
+def operating_points() -> pd.DataFrame:
+    """Measured and simulated steady states, and what each balance lacks with measured neighbours.
+
+    Returns:
+        One row per model and point. ``motor_balance_V`` is U - K_e omega - R_a i and
+        ``shaft_balance_N_m`` is K_e i - M_f - M_p, both of the *measured* speed and current: what
+        the model's equation is off by when nothing else can be to blame. In percent: of the
+        voltage, and of the motor's torque.
+    """
+    rows = []
+    for name in MODELS:
+        ship = load_ship(name)
+        plant = ship.record()
+        ratio = ship.transmission.gear_ratio
+        load = (
+            float(plant["kq"][0, 0] * plant["density"] * plant["diameter"] ** 5)
+            / (2.0 * np.pi) ** 2
+            / ratio**3
+        )
+        friction = float(plant["coulomb_engine_side"]) / ratio
+        constant, ohm = float(plant["motor_constant"]), float(plant["armature_resistance"])
+        for point in _measured("tito_neri_operating_points").itertuples():
+            volt, speed, current = (
+                float(point.motor_voltage_V),
+                float(point.motor_speed_rad_s),
+                float(point.motor_current_A),
+            )
+            simulated_speed, simulated_current = _settled(ship, volt)
+            motor = volt - constant * speed - ohm * current
+            shaft = constant * current - friction - load * speed**2
+            rows.append(
+                {
+                    "model": name,
+                    "point": point.Index,
+                    "voltage_V": volt,
+                    "motor_speed_rad_s_measured": speed,
+                    "motor_speed_rad_s": simulated_speed,
+                    "speed_error_percent": 100.0 * (simulated_speed / speed - 1.0),
+                    "motor_current_A_measured": current,
+                    "motor_current_A": simulated_current,
+                    "current_error_percent": 100.0 * (simulated_current / current - 1.0),
+                    "motor_balance_V": motor,
+                    "motor_balance_percent": 100.0 * motor / volt,
+                    "shaft_balance_N_m": shaft,
+                    "shaft_balance_percent": 100.0 * shaft / (constant * current),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def frequency_response() -> pd.DataFrame:
+    """Measured and linearised response to the voltage about point C, normalised as in the paper.
+
+    Returns:
+        One row per model and frequency: gains [-] of d(i/i_0)/d(U/U_0) and d(omega/omega_0)/
+        d(U/U_0), phases [deg].
+    """
+    measured = _measured("tito_neri_frequency_response")
+    rows = []
+    for name in MODELS:
+        ship = load_ship(name)
+        point = equilibrium(ship, REFERENCE_VOLTAGE, ship.propeller.pitch_ratio_max)
+        model = linearise(ship, point, outputs=("shaft_speed", "motor_current"))
+        scale = {
+            "speed": REFERENCE_VOLTAGE / point.state.shaft_speed,
+            "current": REFERENCE_VOLTAGE / point.state.motor_current,
+        }
+        for line in measured.itertuples():
+            frequency = float(line.Index)
+            response = {
+                "speed": complex(model["shaft_speed", "drive"](1j * frequency)) * scale["speed"],
+                "current": complex(model["motor_current", "drive"](1j * frequency))
+                * scale["current"],
+            }
+            row = {"model": name, "frequency_rad_s": frequency}
+            for quantity, value in response.items():
+                row[f"{quantity}_gain_measured"] = float(getattr(line, f"{quantity}_gain"))
+                row[f"{quantity}_gain"] = abs(value)
+                row[f"{quantity}_phase_deg_measured"] = float(
+                    getattr(line, f"{quantity}_phase_deg")
+                )
+                row[f"{quantity}_phase_deg"] = float(np.degrees(np.angle(value)))
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def response_error(response: pd.DataFrame, model: str, quantity: str) -> float:
+    """Rms error of a gain [dB] over the frequencies that the authors kept."""
+    line = response[(response["model"] == model) & (response["frequency_rad_s"] < DISCARDED_ABOVE)]
+    ratio = line[f"{quantity}_gain"] / line[f"{quantity}_gain_measured"]
+    return float(np.sqrt(np.mean((20.0 * np.log10(ratio)) ** 2)))
+
+
+def verdict(points: pd.DataFrame, model: str) -> str:
+    """In which balance and at which voltages a model differs most, as a sentence."""
+    line = points[points["model"] == model].set_index("voltage_V")
+    motor = line["motor_balance_percent"].abs()
+    shaft = line["shaft_balance_percent"].abs()
+    name, worst, left_over, unit = (
+        ("motor", motor, line["motor_balance_V"], "V of the supply")
+        if motor.mean() > shaft.mean()
+        else ("shaft", shaft, line["shaft_balance_N_m"], "N m of the motor's torque")
+    )
+    at = worst.idxmax()
+    return (
+        f"{model}: the {name} balance differs most (mean {worst.mean():.1f} %, the other "
+        f"{min(motor.mean(), shaft.mean()):.1f} %), worst at {at:.2f} V, where the measured speed and "
+        f"current leave {left_over.loc[at]:+.3g} {unit} unaccounted for ({worst.loc[at]:.1f} %)."
+    )
+
+
+def _draw_seaway(
+    time: NDArray[Any],
+    truth: NDArray[Any],
+    estimates: dict[str, NDArray[Any]],
+    scores: dict[str, float],
+    window: tuple[float, float],
+) -> Figure:
+    """Every observer's estimate beside the truth, one panel each.
+
+    Args:
+        time: [s], shape (n,).
+        truth: advance velocity [m/s], shape (n,).
+        estimates: by observer [m/s].
+        scores: VAF [%] by observer.
+        window: part of the record to show [s].
+    """
+    shown = (time >= window[0]) & (time <= window[1])
+    columns = 3
+    rows = -(-len(estimates) // columns)
+    figure, axes = new_figure(rows, columns, (12.0, 2.0 * rows + 0.6))
+    figure.suptitle(
+        "Advance velocity of the frigate in head seas, Hs 2.9 m: true (dark), estimated from noisy "
+        "speed, torque and pitch (red)",
+        fontsize=11,
+    )
+    low, high = truth[shown].min() - 0.6, truth[shown].max() + 0.6
+    for axis, (name, estimate) in zip(axes.flat, estimates.items(), strict=False):
+        axis.plot(time[shown], truth[shown], color=TRUTH, linewidth=1.3)
+        axis.plot(time[shown], estimate[shown], color=ESTIMATE, linewidth=0.8, alpha=0.9)
+        axis.set_title(f"{name}: VAF {scores[name]:.1f} %", fontsize=9)
+        axis.set_ylim(low, high)
+        axis.tick_params(labelsize=8)
+    for axis in axes.flat[len(estimates) :]:
+        axis.set_visible(False)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("v_a [m/s]", fontsize=8)
+    for axis in axes.flat[max(0, len(estimates) - columns) : len(estimates)]:
+        axis.set_xlabel("time [s]", fontsize=8)
+    return figure
+
+
+def _draw_drive_train(points: pd.DataFrame, response: pd.DataFrame) -> Figure:
+    """Tito Neri: measured and simulated operating points and frequency response.
+
+    Args:
+        points: from :func:`operating_points`.
+        response: from :func:`frequency_response`.
+    """
+    figure, axes = new_figure(2, 2, (10.0, 7.0))
+    figure.suptitle("Tito Neri drive train: measured (black) and simulated", fontsize=12)
+    volts = points["voltage_V"].unique()
+    for axis, column, label in (
+        (axes[0, 0], "motor_speed_rad_s", "motor speed [rad/s]"),
+        (axes[0, 1], "motor_current_A", "motor current [A]"),
+    ):
+        first = points[points["model"] == MODELS[0]]
+        axis.plot(volts, first[f"{column}_measured"], "ko", label="measured")
+        for i, model in enumerate(MODELS):
+            line = points[points["model"] == model]
+            axis.plot(volts, line[column], color=PALETTE[i], marker="x", label=model)
+        axis.set_xlabel("motor voltage [V]")
+        axis.set_ylabel(label)
+    axes[0, 0].legend(fontsize=8, frameon=False)
+    for axis, name, label in (
+        (axes[1, 0], "speed", "speed gain [-]"),
+        (axes[1, 1], "current", "current gain [-]"),
+    ):
+        first = response[response["model"] == MODELS[0]]
+        axis.loglog(first["frequency_rad_s"], first[f"{name}_gain_measured"].clip(lower=1e-3), "ko")
+        for i, model in enumerate(MODELS):
+            line = response[response["model"] == model]
+            axis.loglog(line["frequency_rad_s"], line[f"{name}_gain"], color=PALETTE[i], marker="x")
+        axis.set_xlabel("frequency [rad/s]")
+        axis.set_ylabel(label + ", normalised at point C")
+        axis.axvspan(700, 7000, color=THESIS, alpha=0.15, linewidth=0)
+    return figure
 
 
 def tour(

@@ -12,7 +12,7 @@ import typer
 from .. import display
 from ..envs import get_task
 from .console import check_folder, clear_errors, needs, print_table, say, stages
-from .training_options import (
+from .train_command import (
     Algorithm,
     Device,
     Envs,
@@ -23,7 +23,7 @@ from .training_options import (
     Timesteps,
     check_device,
     sizes,
-)  # fmt: skip
+)
 
 _SHOWN = 8  # best trials in the table
 

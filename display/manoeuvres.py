@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from ..plant.manoeuvres import Spiral, TurningCircle, ZigZag
-from ..plant.manoeuvring_standards import Trials
+from ..plant.manoeuvres import Spiral, Trials, TurningCircle, ZigZag
 from .figures import PALETTE, THESIS, TRUTH, new_figure
 
 SIDE_COLOURS = {"starboard": PALETTE[1], "port": PALETTE[0]}  # green and red, as the lights

@@ -14,7 +14,7 @@ from ..baselines.controller import NORMALISED_BOUND, OBSERVED, PREVIEW
 from ..baselines.governor import limiter_slope, tune
 from ..baselines.helmsman import STEERED
 from ..core.compiled import compiled
-from ..core.sizes import check_size
+from ..core.files import check_size
 from ..observers import get_observer
 from ..plant import Ship
 from ..plant.helm import refuse_to_steer

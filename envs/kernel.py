@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..baselines.actions import decode
+from ..baselines.controller import decode
 from ..baselines.governor import govern, limited_rack
 from ..core.compiled import Record, compiled, spelled_out
 from ..plant.cavitation import effective_attack, outside_bucket

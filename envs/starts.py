@@ -20,10 +20,10 @@ from ..core.random_stream import fill_uniform
 from ..plant import Sea, Ship, equilibrium
 from ..plant.drives.diesel import rack_torque, torque_limit
 from ..plant.dynamics import settled
+from ..plant.expressions import NO_SIGNALS
 from ..plant.hull import resistance, water_speed, wave_resistance
 from ..plant.state import Inputs, get_state, set_state
 from ..plant.stepping import Disturbance, prepare
-from ..plant.term_kernel import NO_SIGNALS
 from ..plant.waves import COMPONENTS, fill_sea
 from .options import Begin
 from .records import ENVIRONMENT, MAX_ORDERS

@@ -4,17 +4,15 @@ from .diagnosis import Diagnosis
 from .estimate import Estimate
 from .example import copy_example
 from .folder import diagnose_folder
+from .identify import Identification, identify
 from .judge.findings import Finding
-from .judge.fit import fit_percent
-from .numbers.identification import Identification
-from .numbers.pipeline import identify
+from .judge.held_out import fit_percent
 from .options import Options
 from .pipeline import diagnose
 from .recordings import Recording, fetch, load_recording
 from .recordings.survey import Survey, survey
 from .report.index import DiagnosisIndex
-from .search.catalogue import catalogue
-from .search.effect import Effect, Parameter
+from .search.catalogue import Effect, Parameter, catalogue
 
 __all__ = [
     "Diagnosis",

@@ -7,9 +7,8 @@ from typing import Any
 
 from .outcome import Outcome
 from .report.data import as_dict
-from .report.files import write_result
-from .report.sentences import headline, sentence
-from .report.text import summary
+from .report.index import write_result
+from .report.text import headline, sentence, summary
 
 SHIP = "corrected_ship.toml"
 """Name of the file of a diagnosis that holds its ship."""
@@ -56,7 +55,7 @@ class Diagnosis(Outcome):
         """
         text = None
         if page:
-            from .report.html import report_html  # draws
+            from .report.html import report_html
 
             text = report_html(self)
         return write_result(folder, self.to_dict(), text, {SHIP: self.corrected})

@@ -1,8 +1,12 @@
-"""A number of a ship as recordings tell it: value, unit, range and uncertainty in one."""
+"""A number of a ship as recordings tell it: value, unit, range and uncertainty in one.
+
+How a long work says how far it is.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import scipy
@@ -99,3 +103,11 @@ class Estimate:
     def to_dict(self) -> dict[str, float | list[float]]:
         """As it stands in ``report.json`` under its name: ``value`` and ``ci95``."""
         return {"value": self.value, "ci95": list(self.ci95)}
+
+
+Tick = Callable[[str, int, int], None]
+"""Told the stage, how much of it is done, and how much there is."""
+
+
+def silent(stage: str, done: int, total: int) -> None:
+    """Tell nobody."""

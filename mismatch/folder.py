@@ -18,13 +18,12 @@ from ..core.sweep import source_digest, sweep
 from ..plant.recording import PARQUET, SHEETS, read_table
 from ..plant.ship import Ship
 from .diagnosis import SHIP
-from .numbers.start import Start
+from .identification.start import Start
 from .options import Options
 from .pipeline import begin, diagnose
 from .recordings.columns import load_map
 from .recordings.time_base import first_day
-from .report.files import PAGE, REPORT
-from .report.index import DiagnosisIndex, row_of
+from .report.index import PAGE, REPORT, DiagnosisIndex, row_of
 
 ENDINGS = (".csv", ".tsv", *PARQUET, *SHEETS)
 

@@ -8,14 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..plant.ship import Ship
-from ..plant.ship_errors import ShipError
-from .numbers.start import check_free
+from ..plant.ship import Ship, ShipError
+from .identification.start import check_free
 from .recordings.joint import Recorded
 from .recordings.load import OUTSIDE
-from .search.catalogue import applicable, catalogue
-from .search.effect import Effect
-from .search.entries import read_entries
+from .search.catalogue import Effect, applicable, catalogue, read_entries
 
 
 @dataclass(frozen=True)

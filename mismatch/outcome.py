@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..plant.ship import Ship
+from .identification.parameters import MovedNumber, WrongNumber
 from .judge.findings import Detectable, Finding
 from .judge.shapes import Shape
 from .judge.verdict import BalanceVerdict
-from .judge.whiteness import Colour
-from .numbers.moved import MovedNumber
-from .numbers.wrong import WrongNumber
+from .search.catalogue import Window
 from .search.formulas import Formula
-from .search.placed import Window
 from .search.selection import Candidate
+from .search.whiteness import Colour
 
 
 @dataclass(frozen=True, repr=False)

@@ -16,14 +16,22 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from ..plant.ship import Ship
+from .calibration import calibrated
 from .diagnosis import Diagnosis
-from .judge.confirmation import confirmed, only, settled_edges, with_rivals
+from .estimate import Tick, silent
+from .identification.parameters import MOST_ROUNDS, Numbers, wrong_numbers
+from .identification.start import Start, led_start, widened
+from .judge.confirmation import (
+    confirmed,
+    formula_instead,
+    only,
+    refuted,
+    settled_edges,
+    with_rivals,
+)
 from .judge.correction import FreeRunning, corrected_ship, followed, not_carried
-from .judge.findings import detectable_effects, findings_of, shown_in
-from .judge.fit import fits
-from .judge.held_out import HeldOut, Segments
-from .judge.instead import formula_instead, refuted
-from .judge.location import active_windows, regime
+from .judge.findings import active_windows, detectable_effects, findings_of, regime, shown_in
+from .judge.held_out import HeldOut, Segments, fits
 from .judge.shapes import Shape, best_shapes, shape_to_show, signals_of, term_of
 from .judge.verdict import (
     EXPLAINED,
@@ -38,30 +46,23 @@ from .judge.verdict import (
     too_little,
     verdict_of,
 )
-from .judge.whiteness import Whiteness
-from .numbers.calibration import calibrated
-from .numbers.moved import MOST_ROUNDS, Numbers
-from .numbers.start import Start, led_start, widened
-from .numbers.wrong import wrong_numbers
 from .options import Options
-from .progress import Tick, silent
+from .recordings.excitation import one_way, turned
 from .recordings.joint import (
     JointRecordings,
     Recorded,
     load_each,
     load_jointly,
     parts_of,
+    refuse_shared,
     refuse_twice,
 )
-from .recordings.led_by_speed import NoDriveCommandError, remark_on, with_drive_of
-from .recordings.loading import one_way, turned
-from .recordings.overlap import refuse_shared
-from .search.catalogue import applicable
+from .recordings.steady_rows import NoDriveCommandError, remark_on, with_drive_of
+from .search.catalogue import Window, applicable, refuse_transient
 from .search.fitting import Fitter
 from .search.formulas import Formula, as_well, formula_of
-from .search.placed import Window
 from .search.selection import Selection, Selector
-from .search.transients import refuse_transient
+from .search.whiteness import Whiteness
 from .setting import Settings
 from .structure.diagnose import diagnose_structure
 

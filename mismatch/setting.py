@@ -14,12 +14,12 @@ from dataclasses import dataclass
 
 from ..plant.ship import Ship
 from .judge.held_out import Segments, bands_of, set_aside
-from .judge.whiteness import Whiteness
 from .recordings.joint import JointRecordings
 from .search.band import catalogue_hertz, rows_averaged
-from .search.effect import Effect
+from .search.catalogue import Effect
 from .search.fitting import Fitter
 from .search.selection import TELL_APART, Selection
+from .search.whiteness import Whiteness
 from .simulate.balances import Balances
 from .simulate.joint_replay import JointReplay
 

@@ -12,8 +12,16 @@ ship along a recording.
 from .augmented import AugmentedFilter
 from .augmented_kalman import AugmentedKalman
 from .base import Observer, ObserverError
-from .following import follow, follow_number, follow_record, follow_table, readings_of
-from .metrics import variance_accounted_for, with_noise, with_noisy_readings
+from .following import (
+    follow,
+    follow_number,
+    follow_record,
+    follow_table,
+    readings_of,
+    variance_accounted_for,
+    with_noise,
+    with_noisy_readings,
+)
 from .records import ESTIMATE, OBSERVER, TRACKED, Measurement
 from .registry import get_observer, observer_names, update
 from .ship_filter import ShipFilter

@@ -19,6 +19,7 @@ from ..core.compiled import Real, Record, compiled, compiled_apart
 from ..plant.columns import MEASURED
 from ..plant.derivatives import STEP, derivatives
 from ..plant.dynamics import evaluate
+from ..plant.expressions import outside_at
 from ..plant.hull import episode_factor
 from ..plant.memory import (
     begin_step,
@@ -33,7 +34,6 @@ from ..plant.memory import (
 from ..plant.rudder import rudder_angle
 from ..plant.state import Inputs, Outputs, State, get_state, moved, set_state
 from ..plant.stepping import runge_kutta
-from ..plant.term_kernel import outside_at
 from .augmented import correct, propagate
 
 Floats = NDArray[np.float64]

@@ -16,7 +16,7 @@ from ..plant.shaft import inertia_behind_gauge
 from ..plant.ship import Ship
 from .of_others import address_of
 from .records import OBSERVER, Measurement
-from .torque_reading import believed
+from .torque_curve import believed
 
 
 class ObserverError(ValueError):
@@ -112,7 +112,7 @@ class Observer(ABC):
         """Inertia I_R [kg m2] that the torque read has to accelerate, for observers that divide by it.
 
         Behind the gauge; of an electric drive without one, the whole line
-        (:mod:`shaftline.observers.torque_reading`).
+        (:mod:`shaftline.observers.torque_curve`).
 
         Raises:
             ObserverError: it is 0.

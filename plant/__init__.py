@@ -7,8 +7,7 @@ from .manoeuvres import spiral, turning_circle, zig_zag
 from .recording import RecordingError, read_recording
 from .replay import simulate_recording
 from .seas import Sea, get_sea
-from .ship import Ship
-from .ship_errors import ShipError
+from .ship import Ship, ShipError
 from .ship_files import load_ship, ship_names, write_ship
 from .simulation import Schedule, simulate
 from .state import State

@@ -9,8 +9,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from .ship import Ship
-from .ship_errors import ShipError
+from .ship import Ship, ShipError
 from .steady_state import Equilibrium, equilibrium
 
 _DRIVES = 40  # demands among which the one that sails a speed is looked for

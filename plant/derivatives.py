@@ -18,8 +18,7 @@ from ..core.compiled import Record, compiled, spelled_out
 from .dynamics import evaluate
 from .keys import KeyInfo, Section, info_of
 from .record import PLANT
-from .ship import Ship
-from .ship_errors import ShipError
+from .ship import Ship, ShipError
 from .state import Inputs, Outputs, State, moved
 
 STEP = 1e-30

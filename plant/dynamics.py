@@ -12,6 +12,7 @@ from typing import NamedTuple
 from ..core.compiled import Real, Record, compiled
 from .actuators import blade_pitch, pitch_rate
 from .drives import Driving, driven, electric_power, holding_torque
+from .expressions import Heard, Loaded, added, added_before
 from .hull import resistance, wake_inflow, water_speed, wave_resistance
 from .kinematics import over_ground
 from .manoeuvring import (
@@ -43,7 +44,6 @@ from .state import (
     moved,
     without_rates,
 )
-from .term_kernel import Heard, Loaded, added, added_before
 from .ventilation import (
     can_ventilate,
     relative_submergence,

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from ..core.compiled import Record, compiled
 from .columns import MEASURED, answered_columns, input_columns
 from .dynamics import evaluate, settled
+from .expressions import outside_at
 from .hull import episode_factor
 from .memory import MEMORY, current_read, pitch_read, speed_read, thrust_read, torque_read
-from .recorded_inputs import WATER, RecordedInputs
+from .recording import WATER, RecordedInputs
 from .replay import Replay
 from .shaft import shaft_inertia
 from .ship import Ship
@@ -27,7 +28,6 @@ from .signals import SAMPLE
 from .simulation import write_sample
 from .state import STATE, Inputs, Outputs, State, get_state, with_motion, without_lags
 from .steady_state import equilibrium
-from .term_kernel import outside_at
 from .ventilation import can_ventilate
 
 MOST_STEPS = 200

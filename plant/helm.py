@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from .columns import COLUMNS, HEADING, TIME, signal_columns
-from .ship import Ship
-from .ship_errors import ShipError
+from .ship import Ship, ShipError
 from .steady_state import Equilibrium
 from .voyage import Voyage
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from ..core.lazy import control
 from .derivatives import STEP
 from .dynamics import evaluate
-from .ship import Ship
-from .ship_errors import ShipError
+from .ship import Ship, ShipError
 from .state import Inputs, Outputs, State, active_states
 from .steady_state import Equilibrium
 

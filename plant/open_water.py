@@ -3,20 +3,31 @@
 KT and KQ are polynomials in advance ratio J, pitch ratio P/D, expanded area ratio and blade count
 (Oosterveld & van Oossanen 1975; coefficients as in Bernitsas, Ray & Kinley 1981, Re 2e6). For one
 propeller the last two are constants, so each curve collapses to a 5 x 4 matrix in P/D and J.
+
+An open-water table of one's own: KT and KQ over J, at one pitch ratio or several.
+
+Over J the curves are monotone cubics between the entries (PCHIP; Fritsch & Butland 1984): they go
+through every entry, rise and fall where the entries do, and have no kinks. Over P/D they are cubics too,
+with the slopes of the parabola through three neighbours. Outside the table they are held at its edges.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from importlib import resources
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
+from pydantic import Field, field_validator, model_validator
 
-from ..core.compiled import Real, compiled, compiled_polynomial
-from ..core.numeric import begun_between, newton_step
+from ..core.compiled import Real, Record, compiled, compiled_apart, compiled_polynomial
+from ..core.numeric import begun_between, clip, newton_step
+from .keys import Section
 
 PITCH_POWERS = (0, 1, 2, 3, 6)  # the only ones that the B-series has
 J_POWERS = 4
@@ -143,6 +154,236 @@ def invert_torque_coefficient(
         error = ((c3 * j + c2) * j + c1) * j + c0 - torque_coefficient
         slope = (3.0 * c3 * j + 2.0 * c2) * j + c1
         following, low, high = newton_step(j, error, slope, low, high)
+        if abs(following - j) <= 1e-14:
+            return following, True
+        j = following
+    return j, True
+
+
+MOST_ADVANCE_RATIOS, MOST_PITCH_RATIOS = 32, 6
+SURFACE_SHAPE = (4, MOST_PITCH_RATIOS, MOST_ADVANCE_RATIOS)
+"""Value, slope over J, slope over P/D, and both, at each entry."""
+
+_JUDGED = 6  # entries from which one can be told from its neighbours
+_DAMAGED, _ALONE = 0.1, 10.0  # off its neighbours' line: share of the curve's span, times the usual
+
+_Ratio = Annotated[float, Field(ge=-2, le=3)]
+_Coefficient = Annotated[float, Field(ge=-3, le=3)]
+_Curves = tuple[tuple[_Coefficient, ...], ...]
+
+
+def _array(description: str, most: int, **more: Any) -> Any:
+    return Field(description=description, max_length=most, strict=False, **more)
+
+
+class OpenWaterTable(Section):
+    """Entries of an open-water table."""
+
+    advance_ratio: tuple[_Ratio, ...] = _array(
+        "J of the entries, rising, 2 to 32 of them; the curves are held outside them",
+        MOST_ADVANCE_RATIOS, min_length=2,
+    )  # fmt: skip
+    thrust_coefficient: _Curves = _array(
+        "KT at each J; a list of such lists with several pitch ratios", MOST_PITCH_RATIOS
+    )
+    torque_coefficient: _Curves = _array("KQ (not 10 KQ), likewise", MOST_PITCH_RATIOS)
+    pitch_ratio: tuple[_Ratio, ...] = _array(
+        "P/D of each list, rising, 2 to 6 of them; left out with one curve", MOST_PITCH_RATIOS,
+        default=(),
+    )  # fmt: skip
+
+    @field_validator("thrust_coefficient", "torque_coefficient", mode="before")
+    @classmethod
+    def _one_curve(cls, given: Any) -> Any:
+        if not isinstance(given, list | tuple):
+            return given
+        rows = [given] if given and isinstance(given[0], int | float) else given
+        return tuple(tuple(row) if isinstance(row, list) else row for row in rows)
+
+    @model_validator(mode="after")
+    def _matched(self) -> OpenWaterTable:
+        for name in ("advance_ratio", "pitch_ratio"):
+            values = getattr(self, name)
+            if any(b <= a for a, b in itertools.pairwise(values)):
+                raise ValueError(f"{name} must rise")
+        curves = max(1, len(self.pitch_ratio))
+        for name in ("thrust_coefficient", "torque_coefficient"):
+            rows = getattr(self, name)
+            if len(rows) != curves or any(len(row) != len(self.advance_ratio) for row in rows):
+                raise ValueError(
+                    f"{name} must have {len(self.advance_ratio)} entries, one for each "
+                    f"advance_ratio, and a list of them for each of {curves} pitch_ratio; it has "
+                    f"{', '.join(str(len(row)) for row in rows) or 'none'}"
+                )
+        for name in ("thrust_coefficient", "torque_coefficient"):
+            for row in getattr(self, name):
+                _refuse_damage(name, np.array(self.advance_ratio), np.array(row))
+        return self
+
+    def fill_table(self, record: Any) -> None:
+        """Nodes and surfaces of a ship's record."""
+        j, p = np.array(self.advance_ratio), np.array(self.pitch_ratio or (1.0,))
+        record["table_advance_ratios"][: len(j)] = j
+        record["table_advance_count"] = len(j)
+        record["table_pitch_ratios"][: len(p)] = p
+        record["table_pitch_count"] = len(p)
+        record["table_kt"][:, : len(p), : len(j)] = _surface(
+            j, p, np.array(self.thrust_coefficient)
+        )
+        record["table_kq"][:, : len(p), : len(j)] = _surface(
+            j, p, np.array(self.torque_coefficient)
+        )
+
+
+RECORD_FIELDS = (
+    ("table_advance_count", np.int64),
+    ("table_pitch_count", np.int64),
+    ("table_advance_ratios", np.float64, (MOST_ADVANCE_RATIOS,)),
+    ("table_pitch_ratios", np.float64, (MOST_PITCH_RATIOS,)),
+    ("table_kt", np.float64, SURFACE_SHAPE),
+    ("table_kq", np.float64, SURFACE_SHAPE),
+)
+"""What a ship's record holds of its table."""
+
+
+def _kinks(j: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far each inner entry lies off the line of its neighbours."""
+    share = (j[1:-1] - j[:-2]) / (j[2:] - j[:-2])
+    return np.asarray(np.abs(values[1:-1] - values[:-2] - share * (values[2:] - values[:-2])))
+
+
+def _refuse_damage(name: str, j: NDArray[np.float64], values: NDArray[np.float64]) -> None:
+    """A digit or a sign lost in one entry: far off the line of its neighbours, where no other is.
+
+    Raises:
+        ValueError: names the entry and what its neighbours lead to.
+    """
+    if len(j) < _JUDGED:
+        return
+    rough = [_kinks(np.delete(j, i), np.delete(values, i)) for i in range(len(j))]
+    worst = int(np.argmin([kinks.max() for kinks in rough]))  # without it, the rest is smooth
+    first = min(max(worst - 1, 0), len(j) - 3)  # of its two neighbours among the rest
+    (j0, j1), (y0, y1) = (np.delete(line, worst)[first : first + 2] for line in (j, values))
+    led_to = y0 + (y1 - y0) * (j[worst] - j0) / (j1 - j0)
+    span = float(np.ptp(np.delete(values, worst)))
+    if abs(values[worst] - led_to) > max(_DAMAGED * span, _ALONE * float(np.median(rough[worst]))):
+        raise ValueError(
+            f"{name} at advance_ratio {j[worst]:g} is {values[worst]:g}, where its neighbours lead to "
+            f"{led_to:.3g}: a digit or a sign lost? Give entries closer by if it is so"
+        )
+
+
+def _over_pitch(p: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Slopes over P/D at the entries."""
+    if len(p) == 1:
+        return np.zeros_like(values)
+    return np.asarray(np.gradient(values, p, axis=0, edge_order=1 if len(p) == 2 else 2))
+
+
+def _surface(
+    j: NDArray[np.float64], p: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    over_j = scipy.interpolate.PchipInterpolator(j, values, axis=1).derivative()(j)
+    return np.array([values, over_j, _over_pitch(p, values), _over_pitch(p, over_j)])
+
+
+@compiled
+def _interval(nodes: NDArray[np.float64], count: int, x: Real) -> int:
+    """Number of the interval in which a value lies, the outermost where it lies outside."""
+    k = 0
+    while k < count - 2 and x.real >= nodes[k + 1]:
+        k += 1
+    return k
+
+
+@compiled
+def _cubic(a: Real, b: Real, slope_a: Real, slope_b: Real, width: float, t: Real) -> Real:
+    """Cubic Hermite polynomial at a share ``t`` of an interval."""
+    u = 1.0 - t
+    ends = a * (1.0 + 2.0 * t) * u * u + b * t * t * (3.0 - 2.0 * t)
+    return ends + width * t * u * (slope_a * u - slope_b * t)
+
+
+@compiled
+def _cubic_slope(a: Real, b: Real, slope_a: Real, slope_b: Real, width: float, t: Real) -> Real:
+    """Its derivative."""
+    u = 1.0 - t
+    rise = 6.0 * t * u * (b - a) / width
+    return rise + slope_a * u * (1.0 - 3.0 * t) + slope_b * t * (3.0 * t - 2.0)
+
+
+@compiled_apart
+def table_curve(
+    plant: Record, surface: NDArray[np.float64], advance_ratio: Real, pitch_ratio: Real
+) -> tuple[Real, Real]:
+    """KT or KQ [-] of the ship's table and its slope over J, held at the table's edges.
+
+    Args:
+        plant: ship record.
+        surface: ``table_kt`` or ``table_kq`` of it.
+        advance_ratio: J [-].
+        pitch_ratio: P/D [-]; of no effect with one curve.
+    """
+    nodes, count = plant.table_advance_ratios, plant.table_advance_count
+    j = clip(advance_ratio, nodes[0], nodes[count - 1])
+    k = _interval(nodes, count, j)
+    width = nodes[k + 1] - nodes[k]
+    a, b = surface[0, 0, k], surface[0, 0, k + 1]
+    slope_a, slope_b = surface[1, 0, k], surface[1, 0, k + 1]
+    if plant.table_pitch_count > 1:
+        ratios, curves = plant.table_pitch_ratios, plant.table_pitch_count
+        p = clip(pitch_ratio, ratios[0], ratios[curves - 1])
+        m = _interval(ratios, curves, p)
+        apart = ratios[m + 1] - ratios[m]
+        u = (p - ratios[m]) / apart
+        f = surface[:, m]
+        g = surface[:, m + 1]
+        a = _cubic(f[0, k], g[0, k], f[2, k], g[2, k], apart, u)
+        b = _cubic(f[0, k + 1], g[0, k + 1], f[2, k + 1], g[2, k + 1], apart, u)
+        slope_a = _cubic(f[1, k], g[1, k], f[3, k], g[3, k], apart, u)
+        slope_b = _cubic(f[1, k + 1], g[1, k + 1], f[3, k + 1], g[3, k + 1], apart, u)
+    t = (j - nodes[k]) / width
+    value = _cubic(a, b, slope_a, slope_b, width, t)
+    return value, _cubic_slope(a, b, slope_a, slope_b, width, t)
+
+
+@compiled_apart
+def invert_table(
+    plant: Record, torque_coefficient: float, pitch_ratio: float, guess: float
+) -> tuple[float, bool]:
+    """Advance ratio J at which the table's KQ has a given value, by safeguarded Newton.
+
+    Args:
+        plant: ship record.
+        torque_coefficient: KQ [-] to be met.
+        pitch_ratio: P/D [-].
+        guess: start, for example the previous J.
+
+    Returns:
+        J [-] and whether it lies on the falling branch that begins at J = 0, or at the table's first J
+        where that is larger. Outside, J is held at the branch's ends; where the input is not finite,
+        at the guess.
+    """
+    if not (math.isfinite(torque_coefficient) and math.isfinite(pitch_ratio)):
+        return guess, False
+    nodes, surface = plant.table_advance_ratios, plant.table_kq
+    low = max(0.0, nodes[0])
+    top = table_curve(plant, surface, low, pitch_ratio)[0]
+    high, least = low, top
+    for k in range(plant.table_advance_count):
+        if nodes[k] > low:
+            value = table_curve(plant, surface, nodes[k], pitch_ratio)[0]
+            if value >= least:
+                break
+            high, least = nodes[k], value
+    if torque_coefficient >= top:
+        return low, torque_coefficient == top
+    if torque_coefficient <= least:
+        return high, False
+    j = begun_between(guess, low, high)
+    for _ in range(60):
+        value, slope = table_curve(plant, surface, j, pitch_ratio)
+        following, low, high = newton_step(j, value - torque_coefficient, slope, low, high)
         if abs(following - j) <= 1e-14:
             return following, True
         j = following

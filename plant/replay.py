@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.sizes import check_size
+from ..core.files import check_size
 from .columns import (
     IN_A_TURN,
     MEASURED,
@@ -24,18 +24,16 @@ from .columns import (
     input_columns,
     signal_columns,
 )
-from .divergence import refuse_divergence
 from .dynamics import settled
+from .expressions import outside_at
 from .memory import MEMORY
-from .recorded_inputs import WATER, RecordedInputs
-from .recording import RecordingError
-from .ship import Ship
-from .ship_checks import refuse_waves
+from .recording import WATER, RecordedInputs, RecordingError
+from .ship import Ship, refuse_waves
 from .signals import SAMPLE
 from .simulation import trajectory
 from .state import STATE, Inputs, State
 from .steady_state import equilibrium
-from .term_kernel import outside_at
+from .stepping import refuse_divergence
 from .validity import warn_of_departures
 from .waves import calm
 

@@ -1,47 +1,230 @@
-"""A ship: all its sections together, what they say of it, and its record for the kernels."""
+"""What is wrong with a ship's file, in sentences that name key, unit and allowed range.
+
+What must hold between the sections of a ship.
+
+A ship: all its sections together, what they say of it, and its record for the kernels.
+"""
 
 from __future__ import annotations
 
 import functools
 import math
 from collections.abc import Container, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from .actuators import PitchActuator
 from .cavitation import CavitationBucket
 from .drives import Diesel, Drive
+from .expressions import FUNCTIONS, MAX_SIGNALS, MAX_TERMS
 from .hull import Hull
 from .keys import (
     LACKING,
     KeyInfo,
     Label,
     Line,
+    MissingKeyError,
     Number,
     Section,
+    allowed_range,
     info_of,
     needs_of,
     place_of,
     require,
     required_when,
+    unit_of,
 )
-from .manoeuvring import Manoeuvring
+from .manoeuvring import WITH as MANOEUVRING
+from .manoeuvring import Manoeuvring, planar_inertia
 from .memory import HISTORY, Sensors
 from .propeller import Propeller
-from .record import record_of
+from .record import PLANT, record_of
 from .rudder import Rudder
 from .shaft import UNLESS_HELD, Transmission
-from .ship_checks import check_fluid, check_terms, check_turning
-from .ship_errors import ShipError, validated
-from .surroundings import InFluid, Integration, Water
-from .term_kernel import MAX_SIGNALS, MAX_TERMS
-from .terms import OF_A_TURN, Name, Term
+from .surroundings import WATER, InFluid, Integration, Water
+from .terms import OF_A_TURN, TERM_SIGNALS, Name, Term
 from .time_constants import check_time_constants, resolved, resolved_parameter
 from .tolerances import Tolerances
 from .ventilation import Ventilation
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class ShipError(ValueError):
+    """A ship that cannot be used; the message names file, key, unit and allowed range."""
+
+
+def kinds(annotation: Any) -> tuple[Any, ...]:
+    """Members of a union, or the one type itself."""
+    return get_args(annotation) or (annotation,)
+
+
+def tag_of(section: type[BaseModel]) -> str:
+    """The ``type`` of a section of which there are several kinds."""
+    return str(get_args(section.model_fields["type"].annotation)[0])
+
+
+def validated(model: type[Model], tree: dict[str, Any], source: str) -> Model:
+    """A ship from its tables.
+
+    Args:
+        model: of the ship.
+        tree: of its file.
+        source: named in errors.
+
+    Raises:
+        ShipError: a line for everything that is wrong.
+    """
+    try:
+        return model.model_validate(tree)
+    except ValidationError as error:
+        lines = [f"{source}: {_explained(model, dict(item))}" for item in error.errors()]
+        raise ShipError("\n".join(lines)) from None
+
+
+def _explained(model: type[BaseModel], item: dict[str, Any]) -> str:
+    """One pydantic error as a sentence with key, unit, given value and allowed range."""
+    tags = {tag_of(kind) for kind in kinds(model.model_fields["prime_mover"].annotation)}
+    path = [str(part) for part in item["loc"] if part not in tags]
+    key = ".".join(path) or "ship"
+    table = model.model_fields.get(path[0]) if path else None  # one key may stand in two sections
+    info = next(
+        (
+            section.model_fields[path[-1]]
+            for section in (kinds(table.annotation) if table else ())
+            if path[-1] in getattr(section, "model_fields", {})
+        ),
+        None,
+    )
+    allowed = ""
+    if info is not None:
+        allowed = f" (unit {unit_of(info)}; allowed: {allowed_range(info)})"
+    kind = item["type"]
+    if kind.startswith("union_tag"):
+        given = item["ctx"].get("tag")
+        what = "is missing" if given is None else f"= {given!r} is unknown"
+        return f"{key}.type {what} (allowed: {', '.join(sorted(tags))})"
+    if kind == "missing":
+        return f"{key} is missing{allowed}"
+    if kind == "extra_forbidden":
+        return f"{key} is not a known key"
+    if kind == "value_error":
+        section = ".".join(str(part) for part in item["loc"] if part not in tags)
+        error = item["ctx"]["error"]
+        joint = "." if isinstance(error, MissingKeyError) else ": "
+        return f"{section}{joint}{error}" if section else str(error)
+    return f"{key} = {item.get('input')!r}: {item['msg'].lower()}{allowed}"
+
+
+def check_terms(ship: Ship) -> None:
+    """Refuse terms that hear or move what the ship does not have.
+
+    Raises:
+        ValueError: names the term and what is wrong with it.
+    """
+    ids = [term.id for term in ship.term]
+    if twice := [name for name in ids if ids.count(name) > 1]:
+        raise ValueError(f"term {twice[0]!r} stands twice")
+    own = [name for name in TERM_SIGNALS if ship.turns or name not in OF_A_TURN]
+    for name in ship.signals:
+        if name in own or name in FUNCTIONS:
+            raise ValueError(f"signals.{name}: a name of its own is needed")
+    for term in ship.term:
+        if unknown := [name for name in ship.heard_by(term) if name not in ship.signals]:
+            known = [*own, *term.parameters, *ship.signals]
+            raise ValueError(
+                f"term {term.id!r}: {unknown[0]!r} is unknown; known: {', '.join(known)}; a "
+                "signal from outside the ship is named, with its unit, under [signals]"
+            )
+        for where, lacking in _idle(ship, term):
+            raise ValueError(f"term {term.id!r} acts on nothing: acts_on = {where!r} on {lacking}")
+
+
+def _idle(ship: Ship, term: Term) -> list[tuple[str, str]]:
+    """Where a term acts on nothing, and on what kind of ship."""
+    places = [place for place, _ in term.expressions]
+    held = "a shaft whose speed is held"
+    straight = "a ship without a manoeuvring.length_m"
+    found = [(p, held) for p in places if p in ("drive", "drive_torque") and not ship.turns_freely]
+    turning = ("side_force", "yaw_moment")
+    return found + [(p, straight) for p in places if p in turning and not ship.turns]
+
+
+def check_fluid(ship: Ship) -> None:
+    """Refuse effects of water or of its surface on a ship whose fluid has neither.
+
+    Raises:
+        ValueError: names the key, the density and what to do.
+    """
+    density = f"water.density_kg_m3 = {ship.water.density_kg_m3:g} kg/m3"
+    if not ship.in_liquid and ship.moves:
+        raise ValueError(
+            f"{density} is a gas, in which no hull floats: water has about 1000 kg/m3. For a propeller "
+            "in air say hull.fixed = true, and give the airspeed as inflow_velocity_m_s"
+        )
+    ventilation = ship.ventilation
+    if not ship.in_liquid and any(
+        (ventilation.thrust_loss, ventilation.torque_loss, ventilation.surface_loss)
+    ):
+        raise ValueError(
+            f"ventilation draws air into a liquid, and {density} is a gas: leave [ventilation] out"
+        )
+    bucket = bool(ship.cavitation_bucket.model_fields_set)
+    if not ship.in_water and (bucket or ship.propeller.cavitation_breakdown):
+        key = "[cavitation_bucket]" if bucket else "propeller.cavitation_breakdown"
+        raise ValueError(
+            f"cavitation is modelled by the vapour pressure of water, and {density} is another fluid "
+            f"(water: {WATER[0]:g} to {WATER[1]:g}): leave {key} out"
+        )
+
+
+def refuse_waves(ship: Ship, sea: Any) -> None:
+    """Refuse a sea around a ship whose fluid has no surface.
+
+    Args:
+        ship: that is simulated.
+        sea: SEA record, or None for calm water.
+
+    Raises:
+        ValueError: names the density.
+    """
+    if sea is not None and not ship.in_liquid:
+        raise ValueError(
+            f"{ship.name}: waves need a liquid, and water.density_kg_m3 = "
+            f"{ship.water.density_kg_m3:g} kg/m3 is a gas: leave the sea out"
+        )
+
+
+def check_turning(ship: Ship) -> None:
+    """Refuse a hull that cannot turn as its file says.
+
+    Raises:
+        ValueError: names the key.
+    """
+    if ship.rudder.area_m2 > 0.0 and not ship.turns:
+        raise ValueError("rudder.area_m2 acts on nothing without a manoeuvring.length_m")
+    if not ship.turns:
+        return
+    if not ship.moves:
+        raise ValueError("manoeuvring.length_m asks for a hull that is not fixed")
+    require(ship.water, ("density_kg_m3",), MANOEUVRING, "water.")
+    if ship.hull.mass_kg < ship.manoeuvring.displacement_kg:
+        raise ValueError(
+            f"hull.mass_kg = {ship.hull.mass_kg:g} kg, with added mass, is less than "
+            f"manoeuvring.displacement_kg = {ship.manoeuvring.displacement_kg:g} kg without"
+        )
+    plant = np.zeros(1, PLANT)[0]
+    for section in (ship.water, ship.hull, ship.manoeuvring):
+        section.fill(plant)
+    sway, sway_yaw, yaw_sway, yaw = planar_inertia(plant)
+    if not sway * yaw > sway_yaw * yaw_sway:
+        raise ValueError(
+            "manoeuvring: sway and yaw have no inertia of their own: Y_rdot and N_vdot (with "
+            "centre_of_gravity_m) are too large beside Y_vdot and N_rdot"
+        )
 
 
 class Ship(InFluid, Section):

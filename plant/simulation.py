@@ -11,16 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
-from ..core.sizes import check_size
-from .divergence import refuse_divergence
+from ..core.files import check_size
+from .expressions import outside_at
 from .memory import MEMORY
 from .rudder import rudder_angle
-from .ship import Ship
-from .ship_checks import refuse_waves
+from .ship import Ship, refuse_waves
 from .signals import SAMPLE
 from .state import STATE, Outputs, State, get_state
-from .stepping import Disturbance, observe, prepare, step
-from .term_kernel import outside_at
+from .stepping import Disturbance, observe, prepare, refuse_divergence, step
 from .validity import warn_of_departures
 from .waves import calm
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import numpy as np
 
 from ..core.compiled import Real, Record, compiled, spelled_out
-from .term_kernel import NO_SIGNALS
+from .expressions import NO_SIGNALS
 from .ventilation import can_ventilate
 
 

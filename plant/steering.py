@@ -9,8 +9,7 @@ import numpy as np
 from ..core.lazy import control
 from .helm import refuse_to_steer
 from .linear import linearise
-from .ship import Ship
-from .ship_errors import ShipError
+from .ship import Ship, ShipError
 from .steady_state import Equilibrium
 
 

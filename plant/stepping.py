@@ -1,16 +1,65 @@
-"""The plant's only step in time: classic Runge-Kutta with waves, memories and instruments."""
+"""Simulations that diverge: the first sample in which a signal leaves every bound.
+
+The plant's only step in time: classic Runge-Kutta with waves, memories and instruments.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
 from .dynamics import evaluate
+from .expressions import NO_SIGNALS
 from .hull import episode_factor
 from .memory import begin_step, end_step, read_instruments, settle
+from .ship import Ship
+from .signals import SAMPLE, SIGNALS
 from .state import Inputs, Outputs, State, get_state, moved, set_state
-from .term_kernel import NO_SIGNALS
 from .waves import SYNC_STEPS, WaveMotion, motion, pass_half_step, synchronise
+
+_BEYOND = 1e3
+"""Times the registry's range of a signal, beyond which its simulation has diverged."""
+
+_LIMITS = np.array(
+    [
+        math.inf if signal.source == "demand" else _BEYOND * max(abs(signal.low), abs(signal.high))
+        for signal in SIGNALS
+    ]
+)
+"""Demands are the user's, and of a drive in whatever unit it takes; each of them is finite."""
+
+
+class DivergenceError(ValueError):
+    """A simulation that diverges; the message names the signal, its value and the time."""
+
+
+def refuse_divergence(ship: Ship, samples: NDArray[Any]) -> None:
+    """Refuse samples that hold a number that is not finite, or one far beyond its signal's range.
+
+    Args:
+        ship: that was simulated, for the message.
+        samples: SAMPLE array of shape (n,), contiguous.
+
+    Raises:
+        DivergenceError: names the signal, its value and the time.
+    """
+    values = samples.view(np.float64).reshape(-1, len(SAMPLE.names or ()))
+    good = np.abs(values) <= _LIMITS  # false for nan as well
+    good &= np.isfinite(values)
+    if good.all():
+        return
+    row = int(np.argmin(good.all(axis=1)))
+    signal = SIGNALS[int(np.argmin(good[row]))]
+    value, time = float(samples[signal.name][row]), float(samples["time"][row])
+    raise DivergenceError(
+        f"{ship.name}: the simulation diverges: {signal.column} = {value:.3g} {signal.unit} at "
+        f"{time:.4g} s. The initial state, an input or a parameter of the ship is many orders too "
+        f"large, or too fast for the time step of {ship.time_step_s:g} s"
+    )
 
 
 class Disturbance(NamedTuple):

@@ -30,19 +30,24 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..core.models import FileModel
-from .expressions import FUNCTIONS, Program, TermError, deepest, names_in, parsed
-from .keys import Section
-from .term_kernel import (
+from .expressions import (
     BEFORE,
     FIRST_SIGNAL,
     FIRST_STATE,
+    FUNCTIONS,
     MAX_CONSTANTS,
     MAX_OPERATIONS,
     MAX_PROGRAMS,
     MAX_STATES,
     MAX_TERMS,
     Heard,
+    Program,
+    TermError,
+    deepest,
+    names_in,
+    parsed,
 )
+from .keys import Section
 
 PLACES = {
     "drive": "demand that reaches the prime mover [mm | V | N m]",

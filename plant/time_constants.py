@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
-from .expressions import names_in
+from .expressions import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added, names_in
 from .hull import Hull
 from .keys import KeyInfo, Section, is_lag
 from .manoeuvring import Manoeuvring, hull_forces, planar_acceleration
 from .record import PLANT
 from .shaft import shaft_inertia
-from .term_kernel import MAX_SIGNALS, MAX_STATES, Heard, Loaded, added
 from .terms import Term, add_term
 
 if TYPE_CHECKING:

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.compiled import Record, compiled
-from .divergence import refuse_divergence
 from .memory import MEMORY
 from .ship import Ship
 from .signals import SAMPLE
 from .simulation import write_sample
 from .state import STATE, State, get_state
-from .stepping import UNDISTURBED, Disturbance, prepare, step
+from .stepping import UNDISTURBED, Disturbance, prepare, refuse_divergence, step
 from .waves import calm
 
 _ROOM = 4096  # samples for which there is room at first

@@ -21,8 +21,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from shaftline.agents.evaluation.controllers import load_controller
-from shaftline.agents.evaluation.episodes import Setting, run_episodes
+from shaftline.agents.evaluation.episodes import Setting, load_controller, run_episodes
 from shaftline.agents.learning.training import train
 from shaftline.agents.learning.tuning import tune
 from shaftline.core.sweep import SweepError, sweep

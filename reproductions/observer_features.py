@@ -17,8 +17,7 @@ import scipy
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shaftline.agents.evaluation.controllers import label, load_controller
-from shaftline.agents.evaluation.episodes import Setting
+from shaftline.agents.evaluation.episodes import Setting, label, load_controller
 from shaftline.agents.evaluation.sweeps import episodes
 from shaftline.agents.learning.recipe import Recipe
 from shaftline.baselines.controller import Predictor

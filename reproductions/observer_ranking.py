@@ -15,8 +15,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shaftline.agents.evaluation.controllers import load_controller
-from shaftline.agents.evaluation.episodes import Setting
+from shaftline.agents.evaluation.episodes import Setting, load_controller
 from shaftline.agents.evaluation.statistics import middle_of_runs, relative_to
 from shaftline.agents.evaluation.sweeps import episodes
 from shaftline.baselines.controller import Predictor

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.random import Generator
 
 from .reality.bench import CALM_PROGRAMME, PROGRAMMES
-from .reality.crew_demands import DULL, LIVELY
 from .reality.effects import BENCH, BY_KEY, CONFOUNDED, EFFECTS, FRIGATE, UNKNOWN, TrueEffect
+from .reality.instruments import DULL, LIVELY
 from .reality.numbers import Numbers
 from .variants import PLAIN, varied
 

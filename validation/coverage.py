@@ -28,8 +28,8 @@ from ..mismatch import identify
 from ..plant import Ship, load_ship
 from .cases import Case, draw_case
 from .reality.bench import CALM_PROGRAMME
-from .reality.crew_demands import DULL
 from .reality.effects import BENCH, FRIGATE
+from .reality.instruments import DULL
 from .reality.numbers import Numbers
 from .recording import make
 from .variants import file_numbers, file_text

@@ -14,8 +14,8 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from .reality.actuators import pitch_travel
 from .reality.effects import TrueEffect
+from .reality.motion import pitch_travel
 from .reality.numbers import NEUTRAL, Numbers
 from .reality.sail import current_over
 

@@ -20,8 +20,7 @@ from ..core.files import read_json, write_atomically, write_json, write_text
 from ..display.tables import markdown
 from .cases import Case, draw_case, sealed
 from .recording import Reality, make
-from .scoring import score, table_of
-from .summary import confusion, draw_confusion, tables_of
+from .scoring import confusion, draw_confusion, score, table_of, tables_of
 from .variants import PLAIN, VARIANTS, file_text
 
 Diagnose = Callable[..., Mapping[str, Any]]

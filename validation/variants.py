@@ -13,8 +13,8 @@ import numpy as np
 import tomli_w
 
 from .reality.bench import PROGRAMMES, SHIP_FILE, bench_numbers
-from .reality.crew_demands import LIVELY
 from .reality.effects import BENCH, FRIGATE
+from .reality.instruments import LIVELY
 from .reality.numbers import Numbers, frigate_numbers, ship_file
 
 if TYPE_CHECKING:

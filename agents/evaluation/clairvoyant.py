@@ -26,8 +26,7 @@ import scipy
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from ...baselines.actions import actions, decode
-from ...baselines.controller import Predictor
+from ...baselines.controller import Predictor, actions, decode
 from ...envs.batch import Batch
 from ...envs.kernel import RUNNING, control_interval
 from ...envs.records import EPISODE, MAX_ORDERS

@@ -18,8 +18,7 @@ from ...envs.settings import DEFAULTS
 from ...envs.steering import kinds
 from ...envs.tasks import get_task
 from ...plant.waves import field
-from .controllers import load_controller
-from .episodes import TRACE, Setting, run_episodes
+from .episodes import TRACE, Setting, load_controller, run_episodes
 
 EVERY_S = 0.25
 """Of the ship's time, between two frames."""

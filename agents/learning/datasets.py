@@ -16,7 +16,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from ...core.sizes import check_size
+from ...core.files import check_size
 from ...envs import DEFAULTS, get_task
 from ...envs.steering import kinds
 from ..policy.policy import Policy, PolicyError, load_policy, trained

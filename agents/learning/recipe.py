@@ -23,9 +23,8 @@ from pydantic import (
     model_validator,
 )
 
-from ...core.files import FileError, read_text, reason_of
+from ...core.files import FileError, check_size, read_text, reason_of
 from ...core.models import FileModel
-from ...core.sizes import check_size
 from ...envs import get_task
 from ...envs.settings import Settings
 from ...observers import ObserverError, get_observer

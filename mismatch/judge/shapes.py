@@ -17,8 +17,8 @@ from ...plant.ship import Ship
 from ...plant.terms import Term
 from ..search.fitting import Fit, Fitter
 from ..search.spectra import chance
+from ..search.whiteness import Colour
 from ..simulate.balances import Balances
-from .whiteness import Colour
 
 RARE = 1e-3
 """Probability that chance alone makes a shape pass: nobody would expect one."""

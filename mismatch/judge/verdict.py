@@ -12,8 +12,8 @@ import numpy as np
 
 from ..search.fitting import Fit
 from ..search.selection import TELL_APART, Selection
+from ..search.whiteness import Colour, Whiteness
 from .findings import at_bound, implausible
-from .whiteness import Colour, Whiteness
 
 EXPLAINED, PARTLY, NOTHING, UNEXPLAINED = (
     "explained", "partly-explained", "nothing-missing", "unexplained",

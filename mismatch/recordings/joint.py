@@ -1,25 +1,170 @@
-"""Recordings of one condition of a ship, read to be diagnosed together."""
+"""Recordings of different sampling rates, brought to the slowest of them.
+
+Recordings that repeat each other's rows: held-out data must not be among the fitted data.
+
+Recordings of one condition of a ship, read to be diagnosed together.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
+from ...plant.columns import HEADING, MEASURED, SHAFT_ANGLE, TIME
 from ...plant.recording import RecordingError
 from ...plant.ship import Ship
-from ..progress import Tick, silent
+from ..estimate import Tick, silent
 from .checks import TOO_SHORT, too_short
-from .common_interval import at_common_interval
-from .load import TABLE, Recording
-from .overlap import refuse_overlap
-from .parts import load_parts
+from .load import TABLE, Recording, load_parts
+from .noise import describe
 from .time_base import LEAST_OF_ONE
+from .unit_errors import demands
+
+ALIKE = 0.01
+"""Share by which sampling intervals may differ and still be the same."""
+
+MOST_APART = 20.0
+"""Ratio of sampling intervals up to which recordings are diagnosed together."""
+
+
+def at_common_interval(ship: Ship, recordings: Sequence[Recording]) -> list[Recording]:
+    """Bring recordings to the longest of their sampling intervals by linear interpolation.
+
+    Measured channels of a recording that is much faster are averaged over one new interval first.
+
+    Args:
+        ship: the nominal ship.
+        recordings: each on an even time base.
+
+    Returns:
+        The recordings; those that were changed say so in their warnings.
+
+    Raises:
+        RecordingError: the intervals differ by more than a factor of :data:`MOST_APART`.
+    """
+    slowest = max(recordings, key=lambda one: one.interval_s, default=None)
+    if slowest is None:
+        return []
+    result = []
+    for one in recordings:
+        ratio = slowest.interval_s / one.interval_s
+        if ratio > MOST_APART:
+            raise RecordingError(
+                f"{one.source}: a row every {one.interval_s:.4g} s, {slowest.source}: a row every "
+                f"{slowest.interval_s:.4g} s; up to {MOST_APART:g} times apart they can be diagnosed "
+                "together; leave one out or average the faster one"
+            )
+        result.append(one if ratio <= 1.0 + ALIKE else _slowed(ship, one, slowest.interval_s))
+    return result
+
+
+def _slowed(ship: Ship, one: Recording, interval_s: float) -> Recording:
+    """Return a recording at a longer sampling interval."""
+    time, width = one.time_s, round(interval_s / one.interval_s)
+    even = time[0] + interval_s * np.arange(int((time[-1] - time[0]) / interval_s + 1e-9) + 1)
+    ordered = demands(ship, one.table)
+
+    def at(column: str) -> NDArray[np.float64]:
+        values = one[column]
+        if column not in ordered and width > 1:
+            values = uniform_filter1d(values, width, mode="nearest")
+        return np.asarray(np.interp(even, time, values))
+
+    table = pd.DataFrame({c: even if c == TIME else at(str(c)) for c in one.table})
+    noise = {c: describe(table[c].to_numpy(), interval_s) for c in one.noise}
+    said = (
+        f"its rows, one every {one.interval_s:.4g} s, were brought to one every {interval_s:.4g} s, the "
+        "interval of the slowest recording"
+    )
+    return replace(
+        one, table=table, interval_s=interval_s, noise=noise, warnings=(*one.warnings, said)
+    )
+
+
+LEAST_REPEATED = 10
+"""Rows in a row, no two of them alike, from which on two recordings overlap. Fewer may agree by chance
+where a ship rests and its instruments are coarse."""
+
+
+def refuse_overlap(recordings: Sequence[Recording], why: str) -> None:
+    """Refuse recordings two of which hold the same stretch of a voyage.
+
+    Args:
+        recordings: any number.
+        why: they must not, as the end of the message.
+
+    Raises:
+        RecordingError: names two of them, the rows that are repeated, and the reason.
+    """
+    for one, other in combinations(recordings, 2):
+        refuse_shared(one, other, why)
+
+
+def refuse_shared(one: Recording, other: Recording, why: str) -> None:
+    """Refuse two recordings that hold the same stretch of a voyage.
+
+    Time stamps are not compared: a copy may count from elsewhere.
+
+    Args:
+        one: a recording.
+        other: another.
+        why: they must not share rows, as the end of the message.
+
+    Raises:
+        RecordingError: as of :func:`refuse_overlap`.
+    """
+    # a heading or an angle may have been counted from elsewhere too
+    columns = [c for c in one.channels if c in other and c not in (SHAFT_ANGLE, HEADING, TIME)]
+    if not columns:
+        return
+    first, length = _repeated(_rows(one, columns), _rows(other, columns))
+    if length < LEAST_REPEATED:
+        return
+    # a command that is alike while nothing moves is no copy: two runs from rest begin alike
+    measured = other.table[[c for c in columns if c in MEASURED]].to_numpy(dtype=np.float64)
+    if np.any(np.ptp(measured[first : first + length], axis=0) > 0.0):
+        raise RecordingError(
+            f"{other.source}: rows {first + 1} to {first + length} stand in {one.source} as well; {why}"
+        )
+
+
+def _rows(recording: Recording, columns: Sequence[str]) -> NDArray[np.void]:
+    values = np.ascontiguousarray(recording.table[list(columns)].to_numpy(dtype=np.float64)) + 0.0
+    return values.view(np.dtype((np.void, values.itemsize * len(columns)))).ravel()
+
+
+def _repeated(one: NDArray[np.void], other: NDArray[np.void]) -> tuple[int, int]:
+    """First row and length of the longest stretch of the second that follows the first row by row.
+
+    Rows that occur more than once in either are no mark of a moment and end a stretch.
+    """
+    places: dict[bytes, int] = {}
+    counts: dict[bytes, int] = {}
+    for rows, own in ((one, places), (other, counts)):
+        for place, row in enumerate(rows.tolist()):
+            own[row] = -1 if row in own else place
+    best, begin, before = (0, 0), 0, -2
+    for place, row in enumerate(other.tolist()):
+        there = places.get(row, -1) if counts[row] >= 0 else -1
+        if there < 0:
+            before = -2
+            continue
+        if there != before + 1:
+            begin = place
+        before = there
+        best = max(best, (place - begin + 1, begin))
+    return best[1], best[0]
+
 
 LEAST_ROWS = 40
 """Of all recordings that are fitted together, so that there is something to fit and to set aside."""

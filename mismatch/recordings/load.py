@@ -1,4 +1,7 @@
-"""A recording read from its file: by its column map, through every check, with its noise."""
+"""A recording with long gaps, cut there into several.
+
+A recording read from its file: by its column map, through every check, with its noise.
+"""
 
 from __future__ import annotations
 
@@ -35,25 +38,91 @@ from .checks import (
     pitch_swapped,
     refuse_complex,
     refuse_wrapped,
+    standing,
     too_short,
+    without_spikes,
 )
 from .columns import load_map
-from .led_by_speed import refuse_without_drive
 from .noise import Noise, describe, describe_command
-from .slips import demands, impossible_demands, ranges_of
-from .spikes import without_spikes
-from .standing import standing
+from .reference_simulation import Yardstick
 from .steady_rows import (
     NO_EQUILIBRIUM,
     complete_rows,
     noise_of_rows,
+    refuse_without_drive,
     rows_are_steady,
     running_rows,
     why_steady,
     without_outliers,
 )
-from .time_base import filled, on_even_time, spread, times_of, with_seconds
-from .yardstick import Yardstick
+from .time_base import LEAST_OF_ONE, filled, on_even_time, parts, spread, times_of, with_seconds
+from .unit_errors import demands, impossible_demands, ranges_of
+
+TABLE = "table"
+"""Name of a recording in messages that is no file."""
+
+CUT = "the recording was cut"
+"""How the remark on the gaps begins."""
+
+MOST_PARTS = 50
+"""Parts into which a recording is cut at most; with more its time base is hardly one."""
+
+
+def load_parts(
+    source: str | Path | pd.DataFrame,
+    ship: Ship,
+    columns: str | Path | None = None,
+    signals: Mapping[str, str] = MappingProxyType({}),
+    name: str = TABLE,
+    steady: bool = False,
+) -> list[Recording]:
+    """Read a recording and cut it where more samples are missing than are filled in.
+
+    Each part is checked, and later simulated from its own start. Parts of fewer than
+    :data:`.time_base.LEAST_OF_ONE` rows are left out.
+
+    Args:
+        source: as of :func:`load_recording`, as are the others.
+        ship: the nominal ship.
+        columns: column map, or none.
+        signals: units of further columns for terms.
+        name: of a table, in messages.
+        steady: as of :func:`load_recording`; rows that are equilibria need no cut.
+
+    Returns:
+        The parts in their order; the first one's warnings say where the recording was cut.
+
+    Raises:
+        RecordingError: as of :func:`load_recording`; also where the parts that are long enough hold
+            less than half of the rows, or are too many.
+    """
+    refuse_other_types(source, ship, columns)
+    path = Path(name) if isinstance(source, pd.DataFrame) else Path(source)
+    raw, mapped = read_mapped(source, ship, columns, name)
+    time = times_of(path, raw)
+    if rows_are_steady(ship, raw, time, steady):
+        return [checked(path, raw, mapped, ship, signals, steady)]
+    found = parts(time)
+    kept = [(a, b) for a, b in found if b - a >= LEAST_OF_ONE]
+    rows = sum(b - a for a, b in kept)
+    if len(found) == 1 or len(kept) > MOST_PARTS or 2 * rows < len(raw):
+        return [checked(path, raw, mapped, ship, signals)]  # which refuses gaps
+    cuts = [f"{time[a] - time[a - 1]:.4g} s before row {a + 1}" for a, _ in found[1:]]
+    said = (
+        f"{CUT} at {len(cuts)} gap{'s' * (len(cuts) > 1)} ({', '.join(cuts[:5])}"
+        f"{', ...' if len(cuts) > 5 else ''}) into {len(kept)} parts, each simulated from its own start"
+    )
+    if rows < len(raw):
+        said += f"; {len(raw) - rows} rows in parts of fewer than {LEAST_OF_ONE} rows were left out"
+    result = []
+    for number, (a, b) in enumerate(kept, 1):
+        part = raw.iloc[a:b].reset_index(drop=True)
+        part.attrs = raw.attrs if number == 1 else {}
+        own = path.with_name(f"{path.name} part {number} (from row {a + 1})")
+        result.append(checked(own, part, mapped, ship, signals))
+    result[0] = replace(result[0], warnings=(said, *result[0].warnings))
+    return result
+
 
 OUTSIDE = {
     "drift_angle": "rad",
@@ -64,9 +133,6 @@ OUTSIDE = {
     "side_wind": "m/s",
 }
 """Names under which entries of the catalogue hear what a recording may hold besides, and units."""
-
-TABLE = "table"
-"""Name of a recording in messages that is no file."""
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,12 @@ from ...plant.columns import (
 from ...plant.recording import RecordingError, read_table
 from ...plant.ship import Ship
 from ...plant.terms import OF_A_TURN
-from .columns import load_map
-from .first_map import first_map
+from .columns import Heard, Source, load_map
+from .draft import first_map
 from .joint import refuse_few
-from .led_by_speed import NoDriveCommandError, led_by_speed, remark_on
-from .load import OUTSIDE, Recording
-from .parts import CUT, load_parts
+from .load import CUT, OUTSIDE, Recording, load_parts
 from .remarks import remarks
-from .sources import Heard, Source
+from .steady_rows import NoDriveCommandError, led_by_speed, remark_on
 
 COSTS = {
     "shaft_torque_N_m": "a loss of the engine and one of the propeller look alike",

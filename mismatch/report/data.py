@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..judge.fit import rms_errors
+from ..judge.held_out import rms_errors
 from ..judge.verdict import EXPLAINED
 from ..outcome import Outcome
 from ..simulate.balances import PART_OF
-from .formulas import formula_as_dict
-from .numbers import numbers_as_dict, wrong_as_dict, wrong_of
-from .sentences import finding_sentence, headline, sentence
+from .text import finding_sentence, headline, sentence
+from .wording import formula_as_dict, numbers_as_dict, wrong_as_dict, wrong_of
 
 
 def _location(diagnosis: Outcome) -> dict[str, Any]:

@@ -1,34 +1,287 @@
-"""Figures of a diagnosis over time, over frequency and by name, each a list of :mod:`.panels`."""
+"""Small drawings for the report: SVG that stands inside the page, and what they have in common.
+
+A report is read on wide and on narrow screens, so a figure is a row of small panels that the page wraps,
+each drawn at the size at which it is read.
+
+Figures over the operating regime: where a balance lacks what, and the shape of what has no name.
+
+Figures of a diagnosis over time, over frequency and by name, each a list of :mod:`.panels`.
+"""
 
 from __future__ import annotations
 
+import io
+import re
+from collections.abc import Callable
+from html import escape
 from typing import Any, Protocol
 
+import matplotlib
 import numpy as np
 import scipy
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
 
+from ...plant.columns import drive_column
 from ...plant.ship import Ship
+from ..estimate import HALF_95
 from ..outcome import Outcome
-from ..search.placed import Window
-from .panels import (
-    AFTER,
-    AFTER_LINE,
-    BEFORE,
-    BEFORE_LINE,
-    HELD_OUT,
-    MEASURED,
-    QUIET,
-    WINDOW,
-    Array,
-    block_rows,
-    blocks,
-    outline,
-    panel,
-    svg,
-    thinned,
+from ..search.catalogue import Window
+from .wording import (
+    channel_name,
+    number,
+    scaled,
+    superscript,
+    time_unit,
+    with_unit,
 )
-from .wording import channel_name, number, scaled, superscript, time_unit, with_unit
+
+Array = NDArray[np.float64]
+
+MEASURED, BEFORE, AFTER, QUIET, HELD_OUT, WINDOW = (
+    "#1f2a44", "#d1495b", "#00798c", "#8d99ae", "#e9ecf1", "#f6e3b4",
+)  # fmt: skip
+"""Colours of recording, nominal ship, corrected ship, what is in the background, and two shadings."""
+
+BEFORE_LINE: dict[str, Any] = {"color": BEFORE, "linewidth": 1.25, "linestyle": (0, (3.5, 1.6))}
+AFTER_LINE: dict[str, Any] = {"color": AFTER, "linewidth": 1.5}
+"""Lines of the nominal and of the corrected ship; the dashed is drawn last, so both are seen."""
+
+WIDTH, HEIGHT = 5.4, 2.35
+"""Of a panel [inch]; the page shows it about 550 pixels wide."""
+
+_SMALL, _NORMAL = 8.0, 8.8
+_POINTS = 420
+
+_UNKNOWN_TO_MATHTEXT = {
+    r"\le ": r"\leq ",
+    r"\ge ": r"\geq ",
+    r"\bigl(": "(",
+    r"\bigr)": ")",
+    r"\bigl|": "|",
+    r"\bigr|": "|",
+}
+
+
+def panel(
+    title: str, x: str, y: str, height: float = HEIGHT, left: float = 0.7
+) -> tuple[Figure, Axes]:
+    """An empty panel.
+
+    Args:
+        title: above it.
+        x: label of the horizontal axis.
+        y: label of the vertical axis.
+        height: [inch].
+        left: margin for the labels of the vertical axis [inch].
+    """
+    figure = Figure(figsize=(WIDTH, height))
+    above, below = 0.3, 0.46
+    axes = figure.add_axes(
+        (
+            left / WIDTH,
+            below / height,
+            (WIDTH - left - 0.2) / WIDTH,
+            (height - above - below) / height,
+        )
+    )
+    axes.set_title(title, fontsize=_NORMAL, loc="left", color=MEASURED, fontweight="bold", pad=5)
+    axes.set_xlabel(x, fontsize=_NORMAL, labelpad=2)
+    axes.set_ylabel(y, fontsize=_NORMAL, labelpad=3)
+    axes.tick_params(labelsize=_SMALL, length=3)
+    axes.grid(alpha=0.25, linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.margins(x=0.01)
+    return figure, axes
+
+
+def svg(figure: Figure, label: str, prefix: str) -> str:
+    """A figure as an SVG element.
+
+    Args:
+        figure: to draw.
+        label: read out where the drawing is not seen.
+        prefix: of its ids, which must differ from every other drawing's on the page.
+    """
+    buffer = io.StringIO()
+    nothing: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    # the salt makes the ids, and so the page, the same at every run
+    with matplotlib.rc_context({"svg.hashsalt": "shaftline", "svg.fonttype": "path"}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata=nothing)
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>\s*", "", text, flags=re.S)
+    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{prefix}-", text)
+    # a hundredth of a point is enough in what is drawn; letters are scaled and keep theirs
+    text = re.sub(r'(?<= d=")[^"]*', lambda d: re.sub(r"(\.\d\d)\d+", r"\1", d[0]), text)
+    text = text.replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "", 1)
+    text = text.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1).replace("xlink:href", "href")
+    return text.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" ', 1)
+
+
+def equation(latex: str, plain: str, prefix: str) -> str:
+    """An equation as an SVG element, set by matplotlib; its plain text where it cannot be set.
+
+    Args:
+        latex: without the dollar signs.
+        plain: the same in words and signs.
+        prefix: of the drawing's ids.
+    """
+    spaced = latex + " "
+    for unknown, known in _UNKNOWN_TO_MATHTEXT.items():
+        spaced = spaced.replace(unknown, known)
+    figure = Figure(figsize=(0.01, 0.01))
+    figure.text(0.0, 0.0, f"${spaced.strip()}$", fontsize=13, color=MEASURED, math_fontfamily="cm")
+    buffer = io.BytesIO()
+    try:
+        figure.savefig(buffer, format="svg")  # tells whether it can be set
+    except ValueError:
+        return f"<code>{escape(plain)}</code>"
+    box = figure.get_tightbbox().padded(0.03)  # type: ignore[no-untyped-call]
+    figure.set_size_inches(box.width, box.height)
+    figure.texts[0].set_position((-box.x0 / box.width, -box.y0 / box.height))
+    return svg(figure, plain, prefix)
+
+
+def outline(time: Array, values: Array) -> tuple[Array, Array]:
+    """A long trace as the lowest and highest value of each of some hundred stretches, in turn."""
+    size = len(values) // _POINTS
+    if size < 3:
+        return time, values
+    count = len(values) // size
+    cut = values[: count * size].reshape(count, size)
+    at = time[: count * size].reshape(count, size)
+    pairs = np.column_stack([cut.min(axis=1), cut.max(axis=1)]).ravel()
+    return np.column_stack([at[:, 0], at[:, size // 2]]).ravel(), pairs
+
+
+def thinned(time: Array, values: Array) -> tuple[Array, Array]:
+    """Some hundred evenly spaced points of a smooth trace."""
+    step = max(1, len(values) // (3 * _POINTS))
+    return time[::step], values[::step]
+
+
+def block_rows(seconds: float, interval_s: float) -> int:
+    """Rows of the blocks over which residuals are averaged: 5 s, less in a short recording."""
+    return max(1, round(min(5.0, seconds / 60.0) / interval_s))
+
+
+def blocks(values: Array, size: int, take: Callable[..., Any] = np.mean) -> Array:
+    """A statistic of each block of ``size`` rows."""
+    count = len(values) // size
+    return np.asarray(take(values[: count * size].reshape(count, size), axis=1))
+
+
+_BINS = 12
+
+
+def located_rows(diagnosis: Outcome) -> list[int]:
+    """Balances that the findings point to; where there are none, the one that wanders most."""
+    if diagnosis.findings:
+        return list(dict.fromkeys(f.row for f in diagnosis.findings))
+    names = [name for name, _ in diagnosis.balances]
+    if diagnosis.shape is not None and diagnosis.shape.balance in names:
+        return [names.index(diagnosis.shape.balance)]
+    if diagnosis.left_over is not None:
+        return [diagnosis.left_over.balance]
+    size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
+    means = [
+        float(np.std(blocks(r, size)) / (np.std(r) + 1e-300)) for r in diagnosis.residual_before
+    ]
+    return [int(np.argmax(means))]
+
+
+def signals_shown(diagnosis: Outcome) -> dict[str, tuple[Array, str, str]]:
+    """Signals over which a residual is shown: values, name and unit.
+
+    They are simulated, by the corrected ship: measured ones share their noise with the residual.
+    """
+    found = {}
+    columns = {
+        "shaft_speed": "shaft_speed_rad_s", "ship_speed": "ship_speed_m_s", "pitch_ratio": "pitch_ratio",
+    }  # fmt: skip
+    for key, column in columns.items():
+        if column in diagnosis.after:
+            found[key] = (diagnosis.after[column], *channel_name(column))
+    found["drive"] = (diagnosis.drive, *channel_name(drive_column(diagnosis.ship)))
+    return {k: v for k, v in found.items() if np.ptp(v[0]) > 0.02 * np.abs(v[0]).max()}
+
+
+def binned(signal: Array, residual: Array, size: int) -> tuple[Array, Array, Array]:
+    """Means of a residual in bins of equal count, and half their 95 % interval, from block means."""
+    x, y = blocks(signal, size), blocks(residual, size)
+    order = np.argsort(x)
+    parts = [p for p in np.array_split(order, min(_BINS, max(1, len(order) // 5))) if len(p) > 1]
+    error = [HALF_95 * np.std(y[p], ddof=1) / np.sqrt(len(p)) for p in parts]
+    return (
+        np.array([x[p].mean() for p in parts]),
+        np.array([y[p].mean() for p in parts]),
+        np.array(error),
+    )
+
+
+def regimes(diagnosis: Outcome) -> list[str]:
+    """What the located balances lack over the operating regime, before and after."""
+    drawn: list[str] = []
+    size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
+    shape = diagnosis.shape
+    for row in located_rows(diagnosis)[:2]:
+        name, unit = diagnosis.balances[row]
+        lines = [(diagnosis.residual_before[row], BEFORE)]
+        if changed(diagnosis):
+            lines.append((diagnosis.residual_after[row], AFTER))
+        for key, (signal, words, signal_unit) in signals_shown(diagnosis).items():
+            stats = [(*binned(signal, values, size), colour) for values, colour in lines]
+            factor, shown = scaled(max(float(np.abs(s[1]).max()) for s in stats), unit)
+            figure, axes = panel(
+                f"{name} balance over {words}", with_unit(words, signal_unit),
+                with_unit(f"missing {QUANTITY.get(name, '')}", shown),
+            )  # fmt: skip
+            axes.axhline(0.0, color=MEASURED, linewidth=0.6)
+            if shape is not None and shape.signal == key and shape.balance == name:
+                axes.plot(shape.knots, shape.values / factor, color=MEASURED, lw=1.2, ls="--")
+            for x, mean, error, colour in stats:
+                axes.errorbar(
+                    x, mean / factor, yerr=error / factor, color=colour, markersize=3.2,
+                    fmt="o--" if colour == BEFORE else "o-", linewidth=1.0, capsize=2,
+                )  # fmt: skip
+            drawn.append(
+                svg(figure, f"residual of the {name} balance over {words}", f"g{len(drawn)}")
+            )
+    return drawn
+
+
+def shape_panel(diagnosis: Outcome) -> list[str]:
+    """What has no name, over the signal that it follows."""
+    shape = diagnosis.shape
+    if shape is None:
+        return []
+    factor, unit = scaled(float(np.abs(shape.values).max()), shape.unit)
+    words = {"drive": "drive demand"}.get(shape.signal, shape.signal.replace("_", " "))
+    label = with_unit(f"missing {QUANTITY.get(shape.balance, '')}", unit)
+    figure, axes = panel(
+        f"what the {shape.balance} balance lacks", with_unit(words, shape.signal_unit), label, 3.0
+    )
+    if shape.signal == "time":
+        for a, b in diagnosis.held_out:
+            axes.axvspan(a, b, color=HELD_OUT, linewidth=0)
+    axes.axhline(0.0, color=MEASURED, linewidth=0.6)
+    names = [name for name, _ in diagnosis.balances]
+    followed = {"time": (diagnosis.time_s, "", ""), **signals_shown(diagnosis)}
+    if shape.signal in followed and shape.balance in names:
+        size = block_rows(float(diagnosis.time_s[-1]), interval(diagnosis))
+        residual = diagnosis.residual_before[names.index(shape.balance)]
+        # the nominal simulation's own signal: the shape was found over it
+        nominal = {"shaft_speed": "shaft_speed_rad_s", "ship_speed": "ship_speed_m_s"}
+        signal = diagnosis.before.get(nominal.get(shape.signal, ""), followed[shape.signal][0])
+        axes.plot(
+            blocks(signal, size), blocks(residual, size) / factor, ".", color=QUIET, markersize=3.0
+        )
+    axes.plot(shape.knots, shape.values / factor, "o-", color=BEFORE, linewidth=1.8, markersize=4.5)
+    return [svg(figure, f"shape of what the {shape.balance} balance lacks", "s0")]
+
 
 LEAST_SPECTRUM = 64
 """Rows in each piece of a recording whose spectra are averaged, at least."""

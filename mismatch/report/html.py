@@ -1,4 +1,7 @@
-"""``report.html``: a diagnosis as one page that needs nothing else, its figures drawn into it."""
+"""What a correction changes in the ship's file, for the page.
+
+``report.html``: a diagnosis as one page that needs nothing else, its figures drawn into it.
+"""
 
 from __future__ import annotations
 
@@ -12,33 +15,80 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from ...plant.ship import Ship
+from ...plant.ship import Ship, ShipError
 from ..judge.verdict import NOTHING
 from ..outcome import Outcome
-from ..search.catalogue import catalogue, mistaken_for
-from ..search.placed import Placed
-from . import figures, regimes
-from .changes import changed_keys
-from .formulas import formula_for_page
-from .numbers import page_rows, wrong_of, wrong_words
-from .panels import equation
-from .remarks import remarks
-from .sentences import VERDICT_WORDS, headline, sentence, status
-from .text import CONSTANT
+from ..search.catalogue import Placed, catalogue, mistaken_for
+from . import figures
+from .figures import equation
+from .text import CONSTANT, VERDICT_WORDS, headline, remarks, sentence, status
 from .wording import (
     DAY_S,
     breakable,
     capital,
     channel_name,
     effect_words,
+    formula_for_page,
     measure,
     number,
+    page_rows,
     parameter_words,
     scaled,
     span,
     spans,
+    superscript,
     time_unit,
+    wrong_of,
+    wrong_words,
 )
+
+_ABSENT = "absent"
+
+
+def changed_keys(diagnosis: Outcome) -> list[tuple[Markup, str, str]]:
+    """Keys of the ship's file that differ: key, nominal and corrected value."""
+    old, new = (_numbers_of(ship) for ship in (diagnosis.ship, diagnosis.corrected))
+    return [
+        (
+            breakable(key),
+            _value(old.get(key), key, diagnosis.corrected),
+            _value(value, key, diagnosis.corrected),
+        )
+        for key, value in new.items()
+        if value != old.get(key)
+    ]
+
+
+def _numbers_of(ship: Ship) -> dict[str, Any]:
+    """What stands in a ship's file, by dotted key; of a term also what it adds, in a line."""
+    tree = ship.model_dump()
+    found = _flat({key: value for key, value in tree.items() if key != "term"})
+    for term in ship.term:
+        found[f"term.{term.id}"] = "; ".join(f"{where}: {what}" for where, what in term.expressions)
+        for name, parameter in term.parameters.items():
+            found[f"term.{term.id}.{name}"] = parameter.value
+    return found
+
+
+def _flat(tree: dict[str, Any], above: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in tree.items():
+        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {above + key: value}
+    return found
+
+
+def _value(value: Any, key: str, ship: Ship) -> str:
+    if value is None:
+        return _ABSENT
+    if isinstance(value, list | tuple):
+        return ", ".join(_value(item, "", ship) for item in value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    try:
+        unit = ship.number(key).info.unit if key else "-"
+    except (ShipError, KeyError, ValueError):
+        unit = "-"
+    return f"{number(float(value), 5)} {superscript(unit)}".strip()
 
 
 def report_html(diagnosis: Outcome) -> str:
@@ -46,10 +96,10 @@ def report_html(diagnosis: Outcome) -> str:
     drawn = {
         "traces": figures.traces(diagnosis),
         "residuals": figures.residuals(diagnosis),
-        "regimes": regimes.regimes(diagnosis),
+        "regimes": figures.regimes(diagnosis),
         "spectra": figures.spectra(diagnosis),
         "ranking": figures.ranking(diagnosis),
-        "shape": regimes.shape_panel(diagnosis),
+        "shape": figures.shape_panel(diagnosis),
     }
     return template("report.html.j2").render(
         d=diagnosis,
@@ -64,7 +114,7 @@ def report_html(diagnosis: Outcome) -> str:
         shape=_shape(diagnosis),
         balances=_balances(diagnosis),
         formula=formula_for_page(diagnosis.formula),
-        located=[diagnosis.balances[row][0] for row in regimes.located_rows(diagnosis)[:2]],
+        located=[diagnosis.balances[row][0] for row in figures.located_rows(diagnosis)[:2]],
         figures={key: [Markup(panel) for panel in panels] for key, panels in drawn.items()},
         shown=min(figures.RANKED, len(diagnosis.ranking)),
         detectable=_detectable(diagnosis),

@@ -1,4 +1,7 @@
-"""The index of many diagnoses: what was found where, worst first."""
+"""The folder of a result: its report, its page, its ship and its tables.
+
+The index of many diagnoses: what was found where, worst first.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,49 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from ...core.files import write_atomically, write_text
+from ...core.files import write_atomically, write_json, write_text
+from ...plant.ship import Ship
+from ...plant.ship_files import write_ship
 from .data import finite
 from .text import aligned
+
+REPORT, PAGE = "report.json", "report.html"
+"""Names of the files that every result has."""
+
+
+def write_result(
+    folder: str | Path,
+    report: dict[str, Any],
+    page: str | None,
+    ships: Mapping[str, Ship],
+    tables: Mapping[str, pd.DataFrame] | None = None,
+) -> Path:
+    """Write a result, of which all has been made; each file is renamed into place.
+
+    Args:
+        folder: made where needed.
+        report: for :data:`REPORT`.
+        page: for :data:`PAGE`; None where none is wanted.
+        ships: by the names of their files.
+        tables: by the names of theirs, without ``.csv``.
+
+    Returns:
+        The folder.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    folder = Path(folder)
+    texts = {f"{name}.csv": table.to_csv(index=False) for name, table in (tables or {}).items()}
+    if page is not None:
+        texts[PAGE] = page
+    write_json(folder / REPORT, report)
+    for name, ship in ships.items():
+        write_ship(ship, folder / name)
+    for name, text in texts.items():
+        write_text(folder / name, text)
+    return folder
+
 
 INDEX_PAGE, INDEX_TABLE = "index.html", "index.csv"
 """Names of the files of an index."""

@@ -1,15 +1,25 @@
-"""Words and numbers of a report, as an engineer reads them; nothing here draws."""
+"""Words and numbers of a report, as an engineer reads them; nothing here draws.
+
+What a report says of the ship's numbers: which moved, and which would explain a finding as well.
+
+A formula of what has no name, as data, as text and for the page.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 from markupsafe import Markup, escape
 
 from ...plant.columns import DEMANDS
 from ...plant.signals import SIGNALS
-from ..search.effect import Effect
+from ..estimate import Estimate
+from ..identification.parameters import MovedNumber, WrongNumber
+from ..outcome import Outcome
+from ..search.catalogue import Effect
+from ..search.formulas import Formula
 
 _NAMES = {
     s.column: (s.name.removeprefix("measured_").replace("_", " "), s.unit)
@@ -123,3 +133,213 @@ def spans(windows: list[tuple[float, float]], duration: float) -> str:
 def breakable(key: str) -> Markup:
     """A key that a narrow column may break at its joints."""
     return Markup(re.sub(r"([._])", r"\1<wbr>", str(escape(key))))
+
+
+_SOURCES = {"calibrated": "told by the healthy period", "free": "free"}
+
+INSIDE = 2.0
+"""Standard deviations up to which a number is said to have moved inside its tolerance."""
+
+
+def source_words(moved: MovedNumber) -> str:
+    """Return how a number came to be another, in words that fit how far it moved."""
+    if moved.source in _SOURCES:
+        return _SOURCES[moved.source]
+    if abs(moved.shifts) <= INSIDE:
+        return "inside its tolerance"
+    return f"beyond its tolerance, {abs(moved.shifts):.1f} times"
+
+
+def numbers_as_dict(diagnosis: Outcome) -> dict[str, Any]:
+    """``numbers`` of ``report.json``, by key, in its unit; ``moved`` is in standard deviations."""
+    return {
+        n.key: {
+            "file": n.file, "value": n.value, "se": n.standard_error, "moved": n.shifts,
+            "source": n.source, "corrected": n.corrected,
+        }
+        for n in diagnosis.numbers
+    }  # fmt: skip
+
+
+def wrong_of(diagnosis: Outcome, place: int) -> WrongNumber | None:
+    """The number that would explain a finding as well, if there is one."""
+    return diagnosis.wrong[place] if place < len(diagnosis.wrong) else None
+
+
+def wrong_as_dict(wrong: WrongNumber | None) -> dict[str, Any] | None:
+    """The same for ``report.json``."""
+    if wrong is None:
+        return None
+    return {"key": wrong.key, "file": wrong.file, "value": wrong.value, "gain": wrong.gain}
+
+
+def wrong_words(wrong: WrongNumber) -> str:
+    """The same as a sentence."""
+    file, value = (_as_in_the_file(size, wrong.unit) for size in (wrong.file, wrong.value))
+    return f"A wrong {wrong.key} would explain it as well ({value}; the file has {file})."
+
+
+def numbers_that_explain(diagnosis: Outcome) -> str:
+    """Free numbers that were put right, in words; empty where none was."""
+    return _changes([n for n in _corrected(diagnosis) if n.source == "free"])
+
+
+def biased_parameters(diagnosis: Outcome) -> str:
+    """Return the corrected parameters beyond three tolerances in words; empty where there are none."""
+    return _changes([n for n in _corrected(diagnosis) if n.is_far])
+
+
+def numbers_changed(diagnosis: Outcome) -> list[str]:
+    """Return the names of the parameters of either kind; empty where there are none."""
+    changed = [n for n in _corrected(diagnosis) if n.source == "free" or n.is_far]
+    return [parameter_words(n.key.rpartition(".")[2], n.unit) for n in changed]
+
+
+def _corrected(diagnosis: Outcome) -> list[MovedNumber]:
+    return [n for n in diagnosis.numbers if n.corrected != n.file]
+
+
+def _changes(numbers: list[MovedNumber]) -> str:
+    """Return new and old values of parameters in words."""
+    return " and ".join(
+        f"{n.key} is {_as_in_the_file(n.corrected, n.unit)} in place of "
+        f"{_as_in_the_file(n.file, n.unit)}"
+        for n in numbers
+    )
+
+
+def _as_in_the_file(value: float, unit: str) -> str:
+    """A number in its key's unit, without a prefix: as one would write it there."""
+    return f"{number(value, 4)} {superscript(unit)}".strip()
+
+
+def table_rows(diagnosis: Outcome) -> list[dict[str, str]]:
+    """One row a number, for a terminal."""
+    return [
+        {
+            "number": n.key,
+            "file": f"{n.file:.5g}",
+            "found": f"{n.value:.5g}",
+            "se": "–" if math.isnan(n.standard_error) else f"{n.standard_error:.2g}",
+            "unit": n.unit,
+            "moved": f"{n.shifts:+.1f}",
+            "corrected": f"{n.corrected:.5g}",
+            "how": source_words(n),
+        }
+        for n in diagnosis.numbers
+    ]
+
+
+def page_rows(diagnosis: Outcome) -> list[dict[str, Any]]:
+    """The same for the page."""
+    return [
+        {
+            "key": breakable(n.key),
+            "unit": superscript(n.unit) or "–",
+            "file": number(n.file, 5),
+            "value": number(n.value, 5),
+            "error": _error(n),
+            "moved": number(n.shifts, 2),
+            "how": source_words(n),
+            "corrected": number(n.corrected, 5),
+        }
+        for n in diagnosis.numbers
+    ]
+
+
+def _error(moved: MovedNumber) -> str:
+    return "–" if math.isnan(moved.standard_error) else number(moved.standard_error, 2)
+
+
+_ACTS_ON = {
+    "drive": "demand on the drive",
+    "inflow_velocity": "inflow to the propeller",
+    "thrust": "thrust",
+    "drive_torque": "torque of the drive",
+    "load_torque": "torque of the load",
+    "resistance": "resistance",
+    "pitch_rate": "rate of the pitch",
+    "side_force": "side force",
+    "yaw_moment": "yaw moment",
+}
+
+
+def formula_sentence(formula: Formula) -> str:
+    """What a formula says, with its coefficients and their intervals."""
+    sizes = []
+    for estimate in formula.estimates:
+        low, high = (number(end) for end in estimate.ci95)
+        unit = f" {superscript(estimate.unit)}".rstrip()
+        sizes.append(f"{estimate.name} = {number(estimate.value)}{unit} (95 %: {low} to {high})")
+    return (
+        f"In the {formula.balance} balance the {_ACTS_ON[formula.term.acts_on]} changes as "
+        f"{formula.words}, {', '.join(sizes)}."
+    )
+
+
+def better_sentence(formula: Formula) -> str:
+    """How it stands to what the catalogue names."""
+    return (
+        f"it follows the recordings better than {', '.join(formula.better_than)}, by "
+        f"{formula.ahead:.1f} in 2 log L beyond the thresholds: the truth may be near the name and has "
+        "another form"
+    )
+
+
+def formula_as_dict(formula: Formula | None) -> dict[str, Any] | None:
+    """As it stands in ``report.json``; None where there is none."""
+    if formula is None:
+        return None
+    return {
+        "balance": formula.balance,
+        "acts_on": formula.term.acts_on,
+        "expression": formula.term.expression,
+        "coefficients": {e.name: e.to_dict() | {"unit": e.unit} for e in formula.estimates},
+        "signals": list(formula.signals),
+        "evidence": {
+            "score": formula.gain,
+            "threshold": formula.threshold,
+            "held_out": formula.held_out,
+        },
+        "or_equally": list(formula.rivals),
+        "better_than": list(formula.better_than),
+        "sentence": formula_sentence(formula),
+    }
+
+
+def formula_lines(formula: Formula) -> list[str]:
+    """As lines of text."""
+    found = [
+        formula_sentence(formula),
+        f"evidence {formula.gain:.1f} in 2 log L, threshold {formula.threshold:.1f}; on the data set "
+        f"aside {formula.held_out:.1f}",
+    ]
+    if formula.better_than:
+        found.append(better_sentence(formula))
+    return [*found, *(f"or equally {other}" for other in formula.rivals)]
+
+
+def formula_for_page(formula: Formula | None) -> dict[str, Any] | None:
+    """As the page reads it; None where there is none."""
+    if formula is None:
+        return None
+    return {
+        "sentence": formula_sentence(formula),
+        "coefficients": [_row(estimate) for estimate in formula.estimates],
+        "term": f"{formula.term.acts_on}: {formula.term.expression}",
+        "score": number(formula.gain),
+        "threshold": number(formula.threshold),
+        "held_out": number(formula.held_out),
+        "rivals": formula.rivals,
+        "better": better_sentence(formula) if formula.better_than else "",
+    }
+
+
+def _row(estimate: Estimate) -> dict[str, str]:
+    low, high = estimate.ci95
+    return {
+        "name": estimate.name,
+        "value": number(estimate.value),
+        "interval": f"{number(low)} to {number(high)}",
+        "unit": superscript(estimate.unit),
+    }

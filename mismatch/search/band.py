@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plant.columns import HEADING, SHAFT_ANGLE, YAW_RATE
-from ..simulate.at_once import at_once
 from ..simulate.balances import Balances, Channels, rate
-from ..simulate.joint_replay import UNMOVED, JointReplay
+from ..simulate.joint_replay import UNMOVED, JointReplay, at_once
 from ..simulate.tolerances import tolerance_records
-from .effect import Effect
+from .catalogue import Effect
 from .spectra import fast_length, taper
 from .trial_ship import TrialShip
 

@@ -19,13 +19,12 @@ import scipy
 from numpy.typing import NDArray
 
 from ..estimate import Estimate
-from ..simulate.at_once import at_once
 from ..simulate.balances import Balances, Channels
+from ..simulate.joint_replay import at_once
 from ..simulate.tolerances import NEAR, Moved, tolerance_moves
-from .coordinates import JointSearch
-from .placed import Placed
+from .catalogue import Placed
 from .spectra import Bands, Complex, Likelihood, Marginal, runs_away
-from .trial_ship import TrialShip
+from .trial_ship import JointSearch, TrialShip
 
 REMEMBERED, REMEMBERED_BYTES = 64, 64e6
 """Simulations that a fitter remembers: so many, of so much memory at most, but four in any case."""

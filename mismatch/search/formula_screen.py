@@ -17,12 +17,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...plant.term_kernel import Heard
+from ...plant.expressions import Heard
 from ...plant.terms import PLACES, TERM_SIGNALS
 from ..simulate.balances import Balances
 from .blocks import Block, Values, blocks_of
+from .catalogue import Placed
 from .fitting import Fit, Fitter
-from .placed import Placed
 from .spectra import Complex, Likelihood
 
 PROBE = 1e-3

@@ -51,10 +51,10 @@ from ...plant.columns import (
 )
 from ...plant.drives.prime_mover import delivered_power, supplied_power
 from ...plant.dynamics import loads
+from ...plant.expressions import NO_SIGNALS
 from ...plant.manoeuvring import planar_acceleration, planar_inertia
 from ...plant.shaft import inertia_behind_gauge
 from ...plant.state import STATE, Inputs, get_state, without_lags
-from ...plant.term_kernel import NO_SIGNALS
 from .joint_replay import JointReplay
 
 Channels = dict[str, NDArray[np.float64]]

@@ -1,4 +1,6 @@
-"""Recordings of one ship replayed together, again and again.
+"""Simulations that do not wait for each other, on two threads: kernels let other threads run.
+
+Recordings of one ship replayed together, again and again.
 
 An effect leaves its trace in what the *simulation* does under the recorded demands, which are free of
 instrument noise. Regressors made from measured signals would share their noise with the residual and
@@ -9,9 +11,12 @@ from __future__ import annotations
 
 import copy
 import functools
+import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -22,8 +27,34 @@ from ...plant.equilibria import SteadyReplay
 from ...plant.replay import Replay
 from ...plant.ship import Ship
 from ...plant.signals import SAMPLE
-from ..recordings.loading import loaded, moves
+from ..recordings.excitation import loaded, moves
 from ..recordings.noise import describe, row_noise
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+THREADS = min(2, os.cpu_count() or 1)
+
+
+@functools.cache
+def _pool(_process: int) -> ThreadPoolExecutor:
+    """A process's own: the threads of the one that it was forked from are not there."""
+    return ThreadPoolExecutor(THREADS)
+
+
+def at_once(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+    """``map(work, items)``, in its order.
+
+    Args:
+        work: whose inner loops let other threads run.
+        items: of which twice as many as there are threads are under way at a time.
+    """
+    pool, waiting = _pool(os.getpid()), iter(items)
+    running = [pool.submit(work, item) for item in itertools.islice(waiting, 2 * THREADS)]
+    while running:
+        yield running.pop(0).result()
+        running += [pool.submit(work, item) for item in itertools.islice(waiting, 1)]
+
 
 START_STEPS = 40
 """Time steps of the ship over which the first state is averaged."""

@@ -1,6 +1,8 @@
 """How far a ship's nominal numbers may be off before it is called missing physics.
 
 How well the numbers are known stands in the ship's file, under ``[tolerances]``.
+
+Parameters of a ship that act while it changes its state, and not at an equilibrium.
 """
 
 from __future__ import annotations
@@ -14,7 +16,6 @@ from ...plant.ship import Ship
 from ...plant.tolerances import TOLERATED
 from .joint_replay import UNMOVED as UNMOVED
 from .joint_replay import JointReplay
-from .transients import is_transient
 
 START = {"pitch_ratio": 0.005, "shaft_speed": 0.02, "ship_speed": 0.05}
 """Standard deviation of the first state: P/D [-], share of the shaft speed, ship speed [m/s]; that of
@@ -185,3 +186,23 @@ def _moved(ship: Ship, numbers: Mapping[str, float], near: float = float("inf"))
     for key, change in numbers.items():
         own[key].write(record, own[key].value + share * change)
     return Moved(record, UNMOVED, numbers, share)
+
+
+_WORDS = ("inertia_", "mass_kg", "rate_limit", "dead_band", "backlash", "added_mass")
+
+
+def is_transient(ship: Ship, key: str) -> bool:
+    """Return whether a parameter acts in transients only, or through the history of the ship.
+
+    Time constants, delays, inertias and rate limits do; so do play and dead band of the pitch actuator,
+    which depend on the way by which it has come.
+
+    Args:
+        ship: that has the parameter.
+        key: dotted key.
+    """
+    name = key.rpartition(".")[2]
+    if any(word in name for word in _WORDS):
+        return True
+    timed = not key.startswith("term.") and ship.has_key(key)
+    return timed and ship.number(key).info.unit == "s"

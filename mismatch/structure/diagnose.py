@@ -1,4 +1,7 @@
-"""Diagnosis by the structure search: the chosen model, judged on held-out data."""
+"""The verdict on a model of the structure search, and why a recording is explained in part only.
+
+Diagnosis by the structure search: the chosen model, judged on held-out data.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from ...plant.ship import Ship
-from ...plant.ship_errors import ShipError
+from ...plant.ship import Ship, ShipError
 from ..diagnosis import Diagnosis
-from ..judge.findings import (
-    detectable_effects,
-    findings_of,
-)
-from ..judge.fit import fits
-from ..judge.held_out import HeldOut, Segments, bands_of
+from ..estimate import Tick
+from ..judge.findings import at_bound, detectable_effects, findings_of, implausible
+from ..judge.held_out import HeldOut, Segments, bands_of, fits
 from ..judge.shapes import best_shapes, shape_to_show
 from ..judge.verdict import (
     EXPLAINED,
@@ -28,31 +27,76 @@ from ..judge.verdict import (
     explained_shares,
     too_little,
 )
-from ..judge.whiteness import Whiteness
-from ..progress import Tick
 from ..recordings.joint import JointRecordings
-from ..search.effect import Effect
+from ..search.catalogue import Effect, Placed
 from ..search.fitting import Fit, Fitter
-from ..search.placed import Placed
 from ..search.selection import Candidate, Selection
+from ..search.whiteness import Whiteness
 from ..setting import Setting
 from ..simulate.balances import Balances
 from ..simulate.joint_replay import JointReplay
 from .choice import Ranked, choose, total
-from .coarser import coarser
 from .estimates import (
     biased_parameter,
     effect_estimates,
     parameter_estimates,
     plain_errors,
     remarks,
+    replace_far_parameters,
 )
-from .far_parameters import replace_far_parameters
-from .limits import MOST_ROWS, left_out
 from .model import Floats, Model
+from .noise_model import MOST_ROWS, coarser, left_out
 from .output_error import OutputError
 from .search import StructureSearch
-from .verdict import noise_limit, verdict_on, within_noise
+
+OF_NOISE = 2.0
+"""Times the noise of every channel up to which a held-out error is noise."""
+
+
+def noise_limit(problem: OutputError) -> Floats:
+    """Return the rms error of each channel up to which it is noise, in the channels' units."""
+    return OF_NOISE * np.array([problem.replay.noise_rms[c] for c in problem.names])
+
+
+def within_noise(problem: OutputError, error: Floats) -> bool:
+    """Return whether the rms error of every channel is noise."""
+    return bool(np.all(error <= noise_limit(problem)))
+
+
+def verdict_on(
+    best: Ranked, problem: OutputError, whiteness: Whiteness, fit: Fit, gain: float
+) -> tuple[str, list[str]]:
+    """Return the verdict on a chosen model, and remarks on why it is explained in part only.
+
+    Args:
+        best: the model.
+        problem: that fitted it.
+        whiteness: of its residuals.
+        fit: its effects as the balances have them.
+        gain: of the corrected ship, without clock skews, on the held-out data in 2 log L.
+    """
+    quiet = within_noise(problem, best.held) or whiteness.colour(fit) is None
+    far = problem.moved_far(best.model)
+    if not best.model.effects:
+        return (NOTHING if quiet and not far else UNEXPLAINED), []
+    ship = problem.trial_ship
+    limits = (limit(ship, placed) for placed in fit.effects for limit in (at_bound, implausible))
+    reasons = [said for said in limits if said]
+    if not quiet:
+        reasons.append("more than noise is left on the held-out data")
+    if far:
+        reasons.append(
+            f"{', '.join(problem.priors[k].key for k in far)} moved far from the ship file"
+        )
+    if gain < 0.0:
+        reasons.append(
+            "the corrected ship, which has no clock skews, is less likely on the held-out data than "
+            f"the ship file by {-gain:.0f} in 2 log L"
+        )
+    if not reasons:
+        return EXPLAINED, []
+    return PARTLY, [f"explained in part only, because {'; '.join(reasons)}"]
+
 
 CLOSER = 0.8
 """Share of the first diagnosis's held-out error that the model of this search must come below, as the

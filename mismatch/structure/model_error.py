@@ -8,20 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from ...plant.ship import Ship
+from ..estimate import Tick
+from ..identification.results import Found
 from ..judge.held_out import Segments
-from ..numbers.found import Found
-from ..progress import Tick
-from ..search.effect import Effect
+from ..search.catalogue import Effect
 from ..simulate.balances import Balances
 from .choice import total
-from .coarser import coarser
-from .diagnose import CLOSER, held_residual
-from .limits import MOST_ROWS, left_out
-from .model import Model
+from .diagnose import CLOSER, held_residual, within_noise
+from .model import Model, guessed_prior
+from .noise_model import MOST_ROWS, coarser, left_out
 from .output_error import OutputError
-from .priors import guessed_prior
 from .search import StructureSearch
-from .verdict import within_noise
 
 AS_CLOSE = 1.1
 """Times the least held-out error up to which a model of fewer values is preferred."""

@@ -1,4 +1,6 @@
-"""Noise model of a recording: the spectrum of the residual that the richest model leaves, and outliers.
+"""Likelihood of residuals: raw until there is a noise model, whitened from then on.
+
+Noise model of a recording: the spectrum of the residual that the richest model leaves, and outliers.
 
 Residuals of real machines are coloured: waves, drift, small model errors that an integrator adds up. A
 sum of squares over raw rows would let the largest band drown all others. The residual of the richest
@@ -6,18 +8,141 @@ model found so far says how large the residual is at each frequency, and how the
 together; dividing by the root of that spectrum makes rows of it that are independent and of variance 1
 (prediction errors, Ljung 1999, section 7.2; Whittle 1953). It cannot come from a model that lacks
 something, because the missing effect would be taken for noise.
+
+Recordings of fewer rows, for a search that simulates them thousands of times.
+
+Recordings in which the commands answer the waves, as those of a governor do.
+
+Recordings on which effects and parameters cannot be estimated together.
+
+First states of recordings that are not fitted, estimated from their first rows.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
+from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+import scipy.signal
 from numpy.typing import NDArray
 
+from ...plant.columns import SHAFT_SPEED
 from ..search.spectra import Bands, Complex, make_bands, moments
+from ..search.whiteness import slower_than_waves_hertz
+from ..simulate.joint_replay import JointReplay, blocks
+from .model import Floats, Model
 
-Floats = NDArray[np.float64]
+if TYPE_CHECKING:
+    from .output_error import OutputError
+
+
+class Likelihood:
+    """2 log L of residuals on the fitted and on the held-out rows.
+
+    Args:
+        floor: least deviation of a residual by channel, in the channels' units, shape (channels,).
+        fitted: rows of each fitted segment.
+        held: rows of each held-out segment.
+        interval_s: sampling interval [s].
+        highest_Hz: highest frequency that counts once there is a noise model.
+
+    Attributes:
+        weights: of the fitted rows, less than 1 for outliers; shape (channels, rows).
+    """
+
+    def __init__(
+        self,
+        floor: Floats,
+        fitted: list[int],
+        held: list[int],
+        interval_s: float,
+        highest_Hz: float = math.inf,
+    ) -> None:
+        self._floor, self._least = floor, floor  # in the channels' units; as residuals are compared
+        self._fitted, self._held = fitted, held
+        self._interval_s, self._highest_Hz = interval_s, highest_Hz
+        self.weights = np.ones((len(floor), sum(fitted)))
+        self._whitener: Whitener | None = None
+        self._held_whitener: Whitener | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of a whitened residual: channels and values."""
+        rows = self.weights.shape[1] if self._whitener is None else self._whitener.values
+        return len(self._floor), rows
+
+    def set_noise(self, residual: Floats) -> None:
+        """Estimate outliers and the noise's spectrum from the residual of the richest model.
+
+        Args:
+            residual: on the fitted rows, shape (channels, rows).
+        """
+        self.weights = row_weights(residual, self._floor)
+        noise = NoiseModel(
+            residual * np.sqrt(self.weights), self._floor, self._fitted, self._interval_s,
+            self._highest_Hz,
+        )  # fmt: skip
+        self._whitener = noise.whitener(self._fitted)
+        self._held_whitener = noise.whitener(self._held)
+        self._least = noise.least(self._floor)
+
+    def white(self, residual: Floats) -> Floats:
+        """Return residuals on the fitted rows as they are compared, outliers with less weight.
+
+        Args:
+            residual: shape (..., channels, rows).
+        """
+        weighted = residual * np.sqrt(self.weights)
+        return weighted if self._whitener is None else self._whitener(weighted)
+
+    def fitted(self, white: Floats) -> float:
+        """Return 2 log L of a residual from :meth:`white`, shape (channels, values)."""
+        return self._log(white, self._whitener)
+
+    def scale(self, white: Floats) -> Floats:
+        """Return the factors by channel, shape (channels, 1), that give a residual the variance 1."""
+        return np.asarray(1.0 / np.sqrt(self._power(white, self._whitener)))[:, None]
+
+    def held(self, residual: Floats, limit: Floats) -> float:
+        """Return 2 log L of a residual on the held-out rows.
+
+        Args:
+            residual: shape (channels, rows).
+            limit: size by channel at which each row is clipped.
+        """
+        if not np.isfinite(residual).all():
+            return -math.inf
+        clipped = np.clip(residual, -limit[:, None], limit[:, None])
+        white = clipped if self._held_whitener is None else self._held_whitener(clipped)
+        return self._log(white, self._held_whitener)
+
+    def rms(self, residual: Floats, limit: Floats | None = None) -> Floats:
+        """Return the rms of a residual by channel, no less than the floor; infinite if it is not finite.
+
+        Args:
+            residual: shape (channels, rows).
+            limit: size by channel at which each row is clipped; no clipping by default.
+        """
+        if not np.isfinite(residual).all():
+            return np.full(len(self._floor), math.inf)
+        if limit is not None:
+            residual = np.minimum(np.abs(residual), limit[:, None])
+        return np.asarray(np.hypot(np.sqrt(np.mean(residual**2, axis=1)), self._floor))
+
+    def _power(self, white: Floats, whitener: Whitener | None) -> Floats:
+        """Return the mean square by channel."""
+        count = white.shape[-1] if whitener is None else whitener.count
+        return np.asarray(np.sum(white**2, axis=-1) / count + self._least**2)
+
+    def _log(self, white: Floats, whitener: Whitener | None) -> float:
+        if not np.isfinite(white).all():
+            return -math.inf
+        count = white.shape[-1] if whitener is None else whitener.count
+        return -count * float(np.sum(np.log(self._power(white, whitener))))
+
 
 HUBER = 3.0
 """Deviations, 1.48 times the median residual, beyond which a row counts less (Huber 1964)."""
@@ -138,3 +263,144 @@ class Whitener:
             for heard in range(made + 1):  # the root is lower triangular
                 white[..., made, :] += self._roots[made, heard] * found[..., heard, :]
         return np.concatenate([white.real, white.imag], axis=-1)
+
+
+KEPT = 5
+"""Rows that stay in each row of the replay's averages, at least."""
+
+
+def coarser(replay: JointReplay, most: int) -> JointReplay:
+    """Return a replay of means over the recordings' rows where they are many.
+
+    Its averaged rows are those of the given replay: only rows that these average anyway are taken
+    together beforehand. The commands are straight lines between the means.
+
+    Args:
+        replay: replay of the recordings.
+        most: rows as recorded up to which the replay is returned as it is.
+    """
+    if replay.rows * replay.every <= most:
+        return replay
+    shares = [k for k in range(2, replay.every + 1) if replay.every % k == 0]
+    shares = [k for k in shares if replay.every // k >= KEPT]
+    if not shares:
+        return replay
+    tables = [
+        pd.DataFrame(
+            blocks(run.table.to_numpy(dtype=float), max(shares)), columns=run.table.columns
+        )
+        for run in replay.runs
+    ]
+    return JointReplay(replay.ship, *tables, line=True, every=replay.every // max(shares))
+
+
+ANSWERED = -0.5
+"""Correlation of command and shaft speed in the band of the waves below which the command answers them.
+A shaft follows its command, so that the correlation of an open loop is positive."""
+
+BAND = 10.0
+"""Ratio of the band's highest to its lowest frequency."""
+
+PERIODS = 4.0
+"""Periods of the lowest frequency in each of the spectra that are averaged."""
+
+
+def answers_waves(replay: JointReplay) -> bool:
+    """Return whether the command of a ship that moves opposes what waves do to its shaft speed.
+
+    A simulation without the waves then mistakes the command's answer for a cause: inertia, lags and
+    delays that are estimated from it are biased.
+    """
+    if not replay.ship.moves or SHAFT_SPEED not in replay.channels or replay.steady:
+        return False
+    low, rate = slower_than_waves_hertz(replay.ship), 1.0 / replay.interval_s
+    pairs = [
+        (replay.drive_rows[a:b], replay.recorded[SHAFT_SPEED][a:b]) for a, b in replay.segments
+    ]
+    found = [
+        correlation(drive, speed, rate, low, BAND * low)
+        for drive, speed in pairs
+        if len(drive) * low > 2.0 * PERIODS * rate
+    ]
+    return bool(found) and float(np.median(found)) < ANSWERED
+
+
+def correlation(
+    one: NDArray[np.float64], other: NDArray[np.float64], rate: float, low: float, high: float
+) -> float:
+    """Return the correlation of two signals in a band of frequencies; 0 where one does not move.
+
+    Args:
+        one: shape (rows,).
+        other: likewise.
+        rate: rows in a second [Hz].
+        low: edge of the band [Hz].
+        high: likewise.
+    """
+    rows = min(len(one), round(PERIODS * rate / low))
+    pairs = ((one, other), (one, one), (other, other))
+    spectra = [scipy.signal.csd(a, b, rate, nperseg=rows) for a, b in pairs]
+    frequency = spectra[0][0]
+    band = (frequency >= low) & (frequency <= high)
+    both, own, others = (float(np.sum(s[1][band].real)) for s in spectra)
+    return both / np.sqrt(own * others) if own * others > 0.0 else 0.0
+
+
+ANSWERS = (
+    "the command answers the waves, as that of a governor does, which a simulation without the waves "
+    "would mistake for a lag; record steps of the command, or calm water"
+)
+"""Why the search is left out on a ship in waves with a governor."""
+
+MOST_VALUES, MOST_ROWS = 120_000, 30_000
+"""Averaged rows of the recordings times channels, and rows as recorded, above which the search takes too
+long."""
+
+
+def left_out(replay: JointReplay) -> str:
+    """Return why effects and parameters are not estimated together; empty where they can be."""
+    rows, values = replay.rows * replay.every, replay.rows * len(replay.channels)
+    if rows > MOST_ROWS:
+        return f"the recordings have {rows} rows, more than {MOST_ROWS}; shorten them"
+    if values > MOST_VALUES:
+        return f"the recordings have {values} values, more than {MOST_VALUES}; leave a channel out"
+    return ANSWERS if answers_waves(replay) else ""
+
+
+FIRST_ROWS = 100
+"""Rows from which the first state of a held-out recording is estimated, at most."""
+
+STEP = 0.3
+"""Finite difference of a first state, in deviations."""
+
+
+def with_first_states(problem: OutputError, model: Model) -> Floats:
+    """Return a model's nuisance values with the first states of recordings that are not fitted.
+
+    They are estimated from those recordings' first rows: what a lagging instrument measures first is
+    not the ship's state.
+
+    Args:
+        problem: fit of the recordings.
+        model: fitted.
+    """
+    nuisance = model.nuisance.copy()
+    for run, (a, b) in enumerate(problem.replay.segments):
+        every = range(problem.states * run, problem.states * (run + 1))
+        own = [k for k in every if problem.starts[k] > 0.0]
+        if not own or np.any((problem.rows >= a) & (problem.rows < b)):
+            continue
+        first = slice(0, max(2, min(FIRST_ROWS, (b - a) // 4)))
+        for _ in range(3):
+            here = problem.channels_of_run(run, model.effects, model.shifts, nuisance)
+            columns = []
+            for k in own:
+                moved = nuisance.copy()
+                moved[k] += STEP
+                there = problem.channels_of_run(run, model.effects, model.shifts, moved)
+                columns.append(((there - here)[:, first] / STEP).ravel())
+            lacking = (problem.measured[:, a : a + first.stop] - here[:, first]).ravel()
+            if not np.isfinite(columns).all() or not np.isfinite(lacking).all():
+                break
+            nuisance[own] += np.linalg.lstsq(np.transpose(columns), lacking, rcond=1e-9)[0]
+    return nuisance

@@ -20,17 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from ..numbers.moved import FAR_TOLERANCES
-from ..search.placed import Placed
+from ..identification.parameters import FAR_TOLERANCES
+from ..search.catalogue import Placed
 from ..search.trial_ship import TrialShip
-from ..simulate.at_once import at_once
 from ..simulate.balances import Balances
+from ..simulate.joint_replay import at_once
 from ..simulate.tolerances import first_state_deviations
-from .coordinates import FIXED, Coordinates
-from .first_states import with_first_states
-from .likelihood import Likelihood
-from .model import Floats, Model
-from .priors import Prior, parameter_priors
+from .model import FIXED, Coordinates, Floats, Model, Prior, parameter_priors
+from .noise_model import Likelihood, with_first_states
 
 Segments = Sequence[tuple[int, int]]
 

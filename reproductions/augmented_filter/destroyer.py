@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from shaftline.plant import Nomoto, Ship, ShipError, approach, load_ship, nomoto, zig_zag
-from shaftline.plant.divergence import DivergenceError
+from shaftline.plant.stepping import DivergenceError
 
 from .zig_zag import (
     COEFFICIENTS,

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from shaftline.mismatch.numbers.augmented import ekf
+from shaftline.mismatch.identification.augmented_filter import ekf
 from shaftline.observers import follow, follow_number, get_observer, readings_of
 from shaftline.plant import Schedule, Ship, equilibrium, get_sea, load_ship, realise, simulate
 from shaftline.plant.columns import MEASURED, drive_column

@@ -6,7 +6,7 @@ import pandas as pd
 import scipy
 
 from shaftline.mismatch import Options, diagnose
-from shaftline.mismatch.progress import Tick, silent
+from shaftline.mismatch.estimate import Tick, silent
 
 from .runs import COULOMB, OFFSET, PUBLISHED, VISCOUS, Recordings, errors, rig
 

@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import NDArray
 
 from shaftline.mismatch import identify, load_recording
-from shaftline.mismatch.progress import Tick, silent
+from shaftline.mismatch.estimate import Tick, silent
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.replay import simulate_recording
 

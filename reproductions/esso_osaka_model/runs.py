@@ -14,7 +14,7 @@ import pandas as pd
 import tomli_w
 
 from shaftline.mismatch import Diagnosis, Options, diagnose, identify, load_recording
-from shaftline.mismatch.progress import Tick, silent
+from shaftline.mismatch.estimate import Tick, silent
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import RUDDER, SHAFT_SPEED, TIME
 from shaftline.plant.replay import simulate_recording

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from shaftline.core.compiled import Record, compiled
 from shaftline.mismatch import Diagnosis, Options, diagnose, identify
-from shaftline.mismatch.numbers.identification import Identification
-from shaftline.mismatch.progress import Tick, silent
+from shaftline.mismatch.estimate import Tick, silent
+from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import HEADING, SWAY_SPEED, YAW_RATE
 from shaftline.plant.dynamics import loads
+from shaftline.plant.expressions import outside_at
 from shaftline.plant.manoeuvring import planar_acceleration
 from shaftline.plant.replay import Replay, simulate_recording
 from shaftline.plant.state import STATE, Inputs, get_state
-from shaftline.plant.term_kernel import outside_at
 
 from .. import nomoto
 from .runs import HELD_OUT, SPEED, Recordings

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from shaftline.baselines.combinator_surface import combinator_surface, look_up
 from shaftline.baselines.cpp_optimiser import FILTER_S, CppOptimiser
-from shaftline.baselines.open_water_fit import fit_open_water, surface
 from shaftline.baselines.steady_points import SteadyPoint, steady_point
+from shaftline.baselines.working_point import fit_open_water, surface
 from shaftline.observers.torque_curve import velocity_from_torque
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.hull import resistance

@@ -17,9 +17,8 @@ import scipy
 
 from shaftline.baselines.combinator import Curve, combinator_curve, curve_through
 from shaftline.baselines.combinator_surface import CombinatorSurface, combinator_surface, look_up
-from shaftline.baselines.open_water_fit import OpenWaterFit, fit_open_water
 from shaftline.baselines.steady_points import SteadyPoint, steady_point
-from shaftline.baselines.working_point import working
+from shaftline.baselines.working_point import OpenWaterFit, fit_open_water, working
 from shaftline.plant import Ship
 from shaftline.plant.hull import resistance, wake_inflow
 

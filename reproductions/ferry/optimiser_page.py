@@ -12,14 +12,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shaftline.baselines.combinator_surface import CombinatorSurface, combinator_surface
-from shaftline.baselines.open_water_fit import (
+from shaftline.baselines.working_point import (
     OpenWaterFit,
+    Working,
     fit_open_water,
     highest_j,
     surface,
     surface_slope,
+    working,
 )
-from shaftline.baselines.working_point import Working, working
 from shaftline.display import figures
 from shaftline.display.tables import markdown, write_table
 from shaftline.plant import Ship, load_ship

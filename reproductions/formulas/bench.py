@@ -13,8 +13,7 @@ from shaftline.mismatch.options import Options
 from shaftline.mismatch.pipeline import diagnose
 from shaftline.mismatch.recordings.joint import load_jointly
 from shaftline.mismatch.search.catalogue import applicable
-from shaftline.mismatch.search.formula_search import FormulaSearch
-from shaftline.mismatch.search.formulas import SetAside, found_formula
+from shaftline.mismatch.search.formulas import FormulaSearch, SetAside, found_formula
 from shaftline.mismatch.setting import Settings
 from shaftline.plant.expressions import names_in
 from shaftline.plant.terms import TERM_SIGNALS

@@ -9,7 +9,7 @@ import pandas as pd
 import scipy
 
 from shaftline.mismatch import identify
-from shaftline.mismatch.numbers.identification import Identification
+from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship
 from shaftline.plant.columns import SHAFT_SPEED
 

@@ -21,8 +21,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from shaftline.mismatch import Diagnosis, Options, diagnose
-from shaftline.mismatch.search.catalogue import catalogue
-from shaftline.mismatch.search.entries import read_entries
+from shaftline.mismatch.search.catalogue import catalogue, read_entries
 from shaftline.plant import Ship
 from shaftline.plant.columns import SHAFT_SPEED, TIME
 from shaftline.plant.replay import Replay

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from shaftline.display import figures
 from shaftline.display.tables import markdown, write_table
-from shaftline.mismatch.numbers.identification import Identification
+from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship
 from shaftline.plant.columns import SHAFT_SPEED, TIME
 

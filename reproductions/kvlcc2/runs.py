@@ -20,7 +20,7 @@ from shaftline.plant import RecordingError, Ship
 from shaftline.plant.columns import SHAFT_SPEED, TIME
 from shaftline.plant.dynamics import loads
 from shaftline.plant.recording import as_numbers, read_recording, read_table
-from shaftline.plant.ship_errors import validated
+from shaftline.plant.ship import validated
 from shaftline.plant.state import motion_state, steady_inputs
 
 NAMES = (

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from shaftline.mismatch import identify
-from shaftline.mismatch.numbers.identification import Identification
+from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import HEADING, SHAFT_SPEED, TIME
 from shaftline.plant.replay import simulate_recording

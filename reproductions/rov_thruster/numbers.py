@@ -15,8 +15,8 @@ import pandas as pd
 import scipy
 
 from shaftline.mismatch import identify
-from shaftline.mismatch.numbers.free import AUTO, Free
-from shaftline.mismatch.numbers.identification import Identification
+from shaftline.mismatch.identification.free_parameters import AUTO, Free
+from shaftline.mismatch.identify import Identification
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import MEASURED
 from shaftline.plant.replay import Replay

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from shaftline.display.tables import markdown
-from shaftline.mismatch.numbers.identification import Identification
+from shaftline.mismatch.identify import Identification
 
 from .numbers import CONSTANT, DEAD_ZONE, OFFSET, RESISTANCE, SETS, Freed, Refit
 from .runs import CONSTANTS, OWNERS_DEAD_ZONE_V, SPEED, TOLERANCE_FACTOR, WHOLE

@@ -16,8 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from shaftline.baselines.autopilot import Autopilot
-from shaftline.baselines.helmsman import Course, Helmsman
-from shaftline.baselines.track_keeper import TrackKeeper
+from shaftline.baselines.helmsman import Course, Helmsman, TrackKeeper
 from shaftline.core.lazy import control
 from shaftline.plant import (
     Equilibrium,

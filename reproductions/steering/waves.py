@@ -20,9 +20,9 @@ import scipy
 from numpy.typing import NDArray
 
 from shaftline.plant import Ship, get_sea, realise
+from shaftline.plant.expressions import MAX_SIGNALS
 from shaftline.plant.stepping import UNDISTURBED
 from shaftline.plant.surroundings import GRAVITY
-from shaftline.plant.term_kernel import MAX_SIGNALS
 
 Floats = NDArray[np.float64]
 

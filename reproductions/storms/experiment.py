@@ -11,17 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shaftline.baselines.actions import decode
 from shaftline.baselines.anti_spin import AntiSpin
-from shaftline.baselines.controller import OBSERVED
-from shaftline.baselines.torque_loss import estimated_propeller_torque
+from shaftline.baselines.controller import OBSERVED, decode
+from shaftline.baselines.ventilation import estimated_propeller_torque
 from shaftline.core.compiled import Record, compiled
 from shaftline.envs.tasks import get_task
 from shaftline.plant import Ship, equilibrium, get_sea, load_ship, realise
+from shaftline.plant.expressions import NO_SIGNALS
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import Disturbance, observe, prepare, step
-from shaftline.plant.term_kernel import NO_SIGNALS
 from shaftline.plant.waves import SEA
 
 INTERVAL_STEPS = 10

@@ -35,7 +35,7 @@ from reproductions.kvlcc2.runs import (
 )
 from shaftline.display import figures
 from shaftline.mismatch import identify
-from shaftline.mismatch.numbers.identification import Identification
+from shaftline.mismatch.identify import Identification
 from shaftline.plant import RecordingError, Ship
 
 from .tanker import OMEGA, tanker

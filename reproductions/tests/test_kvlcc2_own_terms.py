@@ -25,7 +25,7 @@ from reproductions.kvlcc2.oblique import (
     with_form,
 )
 from reproductions.kvlcc2.runs import SPEED, SWAY, THRUST, TORQUE, YAW, loads_at
-from shaftline.mismatch.search.entries import read_entries
+from shaftline.mismatch.search.catalogue import read_entries
 from shaftline.plant import Ship
 from shaftline.plant.replay import simulate_recording
 

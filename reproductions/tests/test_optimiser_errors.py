@@ -12,7 +12,7 @@ from reproductions.ferry.lever_points import WHOLE_ENVELOPE, lever_speeds, rises
 from reproductions.ferry.lever_voyage import LEVER, STEP_AT, voyage
 from shaftline.baselines import CppOptimiser
 from shaftline.baselines.combinator_surface import combinator_surface
-from shaftline.baselines.open_water_fit import fit_open_water
+from shaftline.baselines.working_point import fit_open_water
 from shaftline.plant import load_ship
 
 FERRY = load_ship("ferry")

@@ -19,7 +19,7 @@ from reproductions.thesis import (
     verification,
     working_points,
 )
-from shaftline.observers.metrics import variance_accounted_for, with_noise
+from shaftline.observers.following import variance_accounted_for, with_noise
 from shaftline.plant import load_ship
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.cli import tour
+from shaftline.cli import tour_command
 from shaftline.plant import Schedule, equilibrium, load_ship, simulate
 
 
 @pytest.fixture(scope="module")
 def points() -> pd.DataFrame:
-    return tour.operating_points()
+    return tour_command.operating_points()
 
 
 def test_staircase_set_fits_as_its_authors_say(points: pd.DataFrame) -> None:
@@ -35,7 +35,7 @@ def test_settled_simulation_is_the_equilibrium(points: pd.DataFrame) -> None:
 
 def test_balances_close_on_the_model_itself() -> None:
     """The left-over of a balance is the model's error and nothing else."""
-    points = tour.operating_points()
+    points = tour_command.operating_points()
     ratio = points["motor_balance_V"] / points["voltage_V"] * 100.0
     assert points["motor_balance_percent"].to_numpy() == pytest.approx(ratio.to_numpy())
     ship = load_ship("tito-neri-sine")
@@ -47,7 +47,7 @@ def test_balances_close_on_the_model_itself() -> None:
 def test_linear_response_is_that_of_the_simulation() -> None:
     """A 2 % sine on the voltage, correlated as in the paper's eqs. 33 to 39."""
     ship = load_ship("tito-neri-sine")
-    frequency, voltage = 20.0, tour.REFERENCE_VOLTAGE
+    frequency, voltage = 20.0, tour_command.REFERENCE_VOLTAGE
     start = equilibrium(ship, voltage, 1.0).state
     period = 2.0 * np.pi / frequency
     samples = simulate(
@@ -59,12 +59,12 @@ def test_linear_response_is_that_of_the_simulation() -> None:
     last = samples[samples["time"] >= 4.0 * period - 1e-9][:-1]
     carrier = np.exp(-1j * frequency * last["time"])
     speed = 2.0 * np.mean((last["shaft_speed"] / start.shaft_speed - 1.0) * carrier) / 0.02
-    line = tour.frequency_response()
+    line = tour_command.frequency_response()
     row = line[(line["model"] == "tito-neri-sine") & (line["frequency_rad_s"] == frequency)].iloc[0]
     assert abs(speed) == pytest.approx(row["speed_gain"], rel=0.01)
 
 
 def test_verdict_names_balance_and_voltage(points: pd.DataFrame) -> None:
-    sentence = tour.verdict(points, "tito-neri-sine")
+    sentence = tour_command.verdict(points, "tito-neri-sine")
     assert "motor balance" in sentence
     assert "3.91 V" in sentence

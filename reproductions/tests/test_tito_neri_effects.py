@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 
 from reproductions.tito_neri import effects
-from shaftline.cli import tour
+from shaftline.cli import tour_command
 from shaftline.plant import load_ship
 
 
 def test_errors_are_those_of_the_settled_simulation() -> None:
-    points = tour.operating_points().query("model == 'tito-neri-sine'")
+    points = tour_command.operating_points().query("model == 'tito-neri-sine'")
     found = effects.errors(load_ship("tito-neri-sine"))
     assert found[:, 0] == pytest.approx(points["speed_error_percent"].to_numpy(), abs=1e-3)
     assert found[:, 1] == pytest.approx(points["current_error_percent"].to_numpy(), abs=1e-3)

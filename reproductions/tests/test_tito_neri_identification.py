@@ -12,7 +12,7 @@ from reproductions.cells import Kind, Verdict
 from reproductions.tito_neri import experiments, histories, identification_page, least_squares
 from reproductions.tito_neri import identification as study
 from reproductions.tito_neri.identification_cells import given, left_open, table_five_cells
-from shaftline.mismatch.numbers.frequency import SPEED
+from shaftline.mismatch.identification.frequency import SPEED
 from shaftline.plant import load_ship
 
 

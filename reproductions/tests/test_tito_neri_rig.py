@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose
 
 from reproductions.tito_neri import experiments, rig, rig_page, rig_results
 from reproductions.tito_neri.experiments import Experiment
-from shaftline.mismatch.numbers.drive_train import CONSTANT, RESISTANCE, SIX, drive_train
-from shaftline.mismatch.numbers.free import number_of
-from shaftline.mismatch.numbers.sine import sine
-from shaftline.mismatch.numbers.step import step
+from shaftline.mismatch.identification.drive_train import CONSTANT, RESISTANCE, SIX, drive_train
+from shaftline.mismatch.identification.free_parameters import number_of
+from shaftline.mismatch.identification.sine import sine
+from shaftline.mismatch.identification.step import step
 
 SHIP = rig_results.truth()
 CLEAN = replace(rig.without_faults(), holes=360)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from shaftline.core.lazy import control
 from shaftline.display.figures import ESTIMATE, PALETTE, THESIS, TRUTH, new_figure
 from shaftline.observers import follow, get_observer, readings_of
+from shaftline.observers.following import variance_accounted_for, with_noise
 from shaftline.observers.immersion_invariance import ImmersionInvariance
-from shaftline.observers.metrics import variance_accounted_for, with_noise
 from shaftline.plant import Ship
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
 from shaftline.plant.load_cases import CASES

@@ -15,8 +15,8 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from shaftline.observers import Observer, follow, get_observer, readings_of
+from shaftline.observers.following import Floats, variance_accounted_for, with_noise
 from shaftline.observers.immersion_invariance import ImmersionInvariance
-from shaftline.observers.metrics import Floats, variance_accounted_for, with_noise
 from shaftline.observers.records import READINGS
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.load_cases import CASES, PITCH

@@ -10,7 +10,7 @@ import pandas as pd
 from shaftline.display.figures import save
 from shaftline.display.tables import markdown, write_table
 from shaftline.observers import follow, get_observer, readings_of
-from shaftline.observers.metrics import variance_accounted_for
+from shaftline.observers.following import variance_accounted_for
 from shaftline.plant import load_ship
 from shaftline.plant.load_cases import CASES, PITCH_STEP_DURATION, RACK_STEP_DURATION
 

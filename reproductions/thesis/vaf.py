@@ -10,7 +10,7 @@ import pandas as pd
 import scipy
 
 from shaftline.observers import follow, get_observer, readings_of
-from shaftline.observers.metrics import Floats, variance_accounted_for
+from shaftline.observers.following import Floats, variance_accounted_for
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.load_cases import CASES, LoadCase
 

@@ -18,7 +18,7 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from shaftline.cli.tour import MODELS
+from shaftline.cli.tour_command import MODELS
 from shaftline.display.tables import markdown, write_table
 from shaftline.plant import Ship, equilibrium, load_ship
 

@@ -9,8 +9,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from shaftline.display.figures import PALETTE, TRUTH, new_figure
-from shaftline.mismatch.numbers.frequency import SPEED
-from shaftline.mismatch.numbers.steady import CURRENT
+from shaftline.mismatch.identification.frequency import SPEED
+from shaftline.mismatch.identification.steady import CURRENT
 from shaftline.plant import Ship, load_ship
 
 from ..side_by_side import published

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shaftline.mismatch.numbers.drive_train import (
+from shaftline.mismatch.identification.drive_train import (
     CONSTANT,
     FRICTION,
     LOAD,
@@ -26,14 +26,19 @@ from shaftline.mismatch.numbers.drive_train import (
     from_poles,
     keys_of,
 )
-from shaftline.mismatch.numbers.found import Found
-from shaftline.mismatch.numbers.free import freed, number_of
-from shaftline.mismatch.numbers.frequency import SPEED, FrequencyResponse, modelled
-from shaftline.mismatch.numbers.frequency_fit import closed_form, fit
-from shaftline.mismatch.numbers.sine import sine
-from shaftline.mismatch.numbers.steady import CURRENT, steady
-from shaftline.mismatch.numbers.step import step
-from shaftline.mismatch.numbers.welch import welch
+from shaftline.mismatch.identification.free_parameters import freed, number_of
+from shaftline.mismatch.identification.frequency import (
+    SPEED,
+    FrequencyResponse,
+    closed_form,
+    fit,
+    modelled,
+)
+from shaftline.mismatch.identification.results import Found
+from shaftline.mismatch.identification.sine import sine
+from shaftline.mismatch.identification.steady import CURRENT, steady
+from shaftline.mismatch.identification.step import step
+from shaftline.mismatch.identification.welch import welch
 from shaftline.plant import Ship, load_ship
 
 from ..side_by_side import published

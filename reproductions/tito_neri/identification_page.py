@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from shaftline.cli import tour
+from shaftline.cli import tour_command
 from shaftline.display.figures import PALETTE, THESIS, new_figure, save
 from shaftline.display.tables import markdown, write_table
-from shaftline.mismatch.numbers.frequency import SPEED, modelled
-from shaftline.mismatch.numbers.steady import CURRENT
+from shaftline.mismatch.identification.frequency import SPEED, modelled
+from shaftline.mismatch.identification.steady import CURRENT
 from shaftline.plant import Ship, load_ship
 
 from ..cells import Cell
@@ -74,7 +74,7 @@ def densities() -> pd.DataFrame:
         row = {"density_kg_m3": density, "I_KQ_over_K_e": first["KQ0_over_eta_R"] / first["K_e"]}
         for name, file in study.SETS.items():
             ship = load_ship(file).with_values({"water.density_kg_m3": density})
-            errors = tour.speed_errors_percent(ship)
+            errors = tour_command.speed_errors_percent(ship)
             row[f"{name}_worst_speed_percent"] = float(np.abs(errors).max())
         ship = load_ship(study.SETS["IV"]).with_values({"water.density_kg_m3": density})
         row["IV_KQ_closed_form"] = study.column_four(ship)["KQ0_over_eta_R"]

@@ -25,7 +25,7 @@ import scipy
 from numpy.typing import NDArray
 
 from shaftline.core.compiled import Record, compiled
-from shaftline.mismatch.numbers.drive_train import CONSTANT
+from shaftline.mismatch.identification.drive_train import CONSTANT
 from shaftline.plant import Ship, equilibrium
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.state import STATE

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from shaftline.display.figures import ESTIMATE, TRUTH, new_figure, save
 from shaftline.display.tables import markdown, write_table
-from shaftline.mismatch.numbers.frequency import SPEED
+from shaftline.mismatch.identification.frequency import SPEED
 
 from . import rig, rig_results
 from .experiments import staircase

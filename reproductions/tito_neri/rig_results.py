@@ -17,14 +17,13 @@ import numpy as np
 import pandas as pd
 
 from shaftline.mismatch import fit_percent, identify
-from shaftline.mismatch.numbers.drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, SIX
-from shaftline.mismatch.numbers.free import freed, number_of
-from shaftline.mismatch.numbers.frequency import SPEED
-from shaftline.mismatch.numbers.frequency_fit import fit
-from shaftline.mismatch.numbers.sine import sine, sine_response
-from shaftline.mismatch.numbers.steady import CURRENT
-from shaftline.mismatch.numbers.step import step
-from shaftline.mismatch.numbers.welch import coherent, noise_response, welch
+from shaftline.mismatch.identification.drive_train import CONSTANT, FRICTION, LOAD, RESISTANCE, SIX
+from shaftline.mismatch.identification.free_parameters import freed, number_of
+from shaftline.mismatch.identification.frequency import SPEED, fit
+from shaftline.mismatch.identification.sine import sine, sine_response
+from shaftline.mismatch.identification.steady import CURRENT
+from shaftline.mismatch.identification.step import step
+from shaftline.mismatch.identification.welch import coherent, noise_response, welch
 from shaftline.plant import Ship, load_ship, simulate_recording
 
 from . import experiments

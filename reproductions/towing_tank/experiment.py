@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shaftline.baselines.thrust_control import ThrustControl, command_torque
-from shaftline.baselines.torque_loss import estimated_propeller_torque
+from shaftline.baselines.ventilation import estimated_propeller_torque
 from shaftline.core.compiled import Record, compiled
 from shaftline.plant import Ship, State
+from shaftline.plant.expressions import NO_SIGNALS
 from shaftline.plant.memory import MEMORY
 from shaftline.plant.signals import SAMPLE
 from shaftline.plant.simulation import write_sample
 from shaftline.plant.state import STATE, get_state
 from shaftline.plant.stepping import Disturbance, prepare, step
-from shaftline.plant.term_kernel import NO_SIGNALS
 from shaftline.plant.waves import calm
 
 Floats = NDArray[np.float64]

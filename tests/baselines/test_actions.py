@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shaftline.baselines.actions import actions, decode, encode
+from shaftline.baselines.controller import actions, decode, encode
 from shaftline.plant import Ship
 
 number = st.floats(-1e4, 1e4)

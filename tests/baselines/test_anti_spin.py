@@ -9,11 +9,8 @@ import pytest
 
 from shaftline.baselines.anti_spin import AntiSpin, AntiSpinTuning
 from shaftline.baselines.combinator import combinator_curve
-from shaftline.baselines.thrust_law import check_gains
-from shaftline.baselines.torque_loss import TorqueLossObserver
-from shaftline.baselines.ventilation_detection import (
-    VentilationDetector,
-)
+from shaftline.baselines.thrust_control import check_gains
+from shaftline.baselines.ventilation import TorqueLossObserver, VentilationDetector
 from shaftline.plant import Ship, equilibrium, load_ship
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
 

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.baselines.anti_spin import AntiSpin
-from shaftline.baselines.anti_spin_kernel import ANTI_SPIN_MEMORY, control_all, gauge_jump
-from shaftline.baselines.thrust_law_kernel import desired_speed, thrust_per_torque
-from shaftline.baselines.torque_loss import TORQUE_LOSS, bollard_gain, shaft_load
+from shaftline.baselines.anti_spin import ANTI_SPIN_MEMORY, AntiSpin, control_all, gauge_jump
+from shaftline.baselines.thrust_control import desired_speed, thrust_per_torque
+from shaftline.baselines.ventilation import TORQUE_LOSS, bollard_gain, shaft_load
 from shaftline.observers.torque_curve import model_torque
 from shaftline.plant import Ship, equilibrium, load_ship
 from shaftline.plant.drives.diesel import rack_torque, torque_limit

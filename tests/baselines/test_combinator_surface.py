@@ -7,9 +7,8 @@ import pytest
 
 from shaftline.baselines.combinator import full_pitch
 from shaftline.baselines.combinator_surface import CombinatorSurface, combinator_surface, look_up
-from shaftline.baselines.open_water_fit import fit_open_water
 from shaftline.baselines.steady_points import steady_point
-from shaftline.baselines.working_point import slack, working
+from shaftline.baselines.working_point import fit_open_water, slack, working
 from shaftline.plant import Ship, ShipError, load_ship
 
 SHIPS = [load_ship("frigate"), load_ship("ferry")]

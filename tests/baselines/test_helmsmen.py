@@ -17,7 +17,7 @@ from shaftline.baselines import (
     helmsman_names,
     make_helmsman,
 )
-from shaftline.baselines.track_keeper import quintic
+from shaftline.baselines.helmsman import quintic
 from shaftline.plant import ShipError, Voyage, load_ship
 
 SHIP = load_ship("ddg-51-surrogate")

@@ -12,8 +12,14 @@ import pytest
 
 from shaftline.baselines import mpc
 from shaftline.baselines.controller import readings
-from shaftline.baselines.mpc import AHEAD, ModelPredictive
-from shaftline.baselines.mpc_model import forecast, predict_shaft, quadratic_programme, torques
+from shaftline.baselines.mpc import (
+    AHEAD,
+    ModelPredictive,
+    forecast,
+    predict_shaft,
+    quadratic_programme,
+    torques,
+)
 from shaftline.baselines.registry import ControllerError, make_controller
 from shaftline.baselines.speed_pilot import SpeedPilot
 from shaftline.envs import CLASSIC, FrigateVectorEnv, get_task

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.baselines.open_water_fit import fit_open_water, highest_j, surface, surface_slope
+from shaftline.baselines.working_point import fit_open_water, highest_j, surface, surface_slope
 from shaftline.plant import Ship, ShipError, load_ship
 from shaftline.plant.open_water import open_water, open_water_slope
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.baselines.actions import decode
 from shaftline.baselines.combinator import Combinator, combinator_curve
+from shaftline.baselines.controller import decode
 from shaftline.baselines.governor import highest_rack
 from shaftline.baselines.speed_pilot import PilotSettings, Slowed, SpeedPilot
 from shaftline.baselines.steady_points import steady_point

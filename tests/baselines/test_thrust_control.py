@@ -11,9 +11,14 @@ import pytest
 
 from reproductions.towing_tank.experiment import Air, Instruments, Programme, TankRun, sail
 from shaftline.baselines import AntiSpin, ThrustControl, ThrustControlTuning
-from shaftline.baselines.thrust_law_kernel import desired_speed, thrust_per_torque
-from shaftline.baselines.torque_loss import TORQUE_LOSS, bollard_gain, shaft_load
-from shaftline.baselines.ventilation_detection import excess_inflow, torque_ratio
+from shaftline.baselines.thrust_control import desired_speed, thrust_per_torque
+from shaftline.baselines.ventilation import (
+    TORQUE_LOSS,
+    bollard_gain,
+    excess_inflow,
+    shaft_load,
+    torque_ratio,
+)
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.propeller import propeller_load
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from shaftline.baselines.torque_loss import (
+from shaftline.baselines.ventilation import (
     TORQUE_LOSS,
     TorqueLossObserver,
     bollard_gain,

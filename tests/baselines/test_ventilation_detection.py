@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from shaftline.baselines.torque_loss import bollard_gain
-from shaftline.baselines.ventilation_detection import (
+from shaftline.baselines.ventilation import (
     DETECTION,
     DETECTOR,
     VentilationDetector,
+    bollard_gain,
     excess_inflow,
     torque_ratio,
     update_detection,

@@ -7,8 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from shaftline.baselines.open_water_fit import fit_open_water, surface
-from shaftline.baselines.working_point import Working, search, slack, working
+from shaftline.baselines.working_point import (
+    Working,
+    fit_open_water,
+    search,
+    slack,
+    surface,
+    working,
+)
 from shaftline.plant import load_ship
 from shaftline.plant.cavitation import burrill_ratio
 from shaftline.plant.fuel import fuel_rate

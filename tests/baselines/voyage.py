@@ -9,7 +9,7 @@ import numpy as np
 from shaftline.plant import Ship, equilibrium
 from shaftline.plant.fuel import fuel_rate
 from shaftline.plant.memory import MEMORY
-from shaftline.plant.propeller_curves import thrust_coefficient, torque_coefficient
+from shaftline.plant.propeller import thrust_coefficient, torque_coefficient
 from shaftline.plant.state import STATE
 from shaftline.plant.stepping import UNDISTURBED, Disturbance, prepare, step
 from shaftline.plant.waves import calm

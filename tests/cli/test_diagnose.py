@@ -14,7 +14,7 @@ import pytest
 
 from shaftline.mismatch import Options, diagnose
 from shaftline.mismatch.diagnosis import SHIP
-from shaftline.mismatch.report.files import PAGE, REPORT
+from shaftline.mismatch.report.index import PAGE, REPORT
 from shaftline.plant import equilibrium, load_ship
 from shaftline.plant.replay import simulate_recording
 

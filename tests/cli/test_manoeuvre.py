@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon
 
 from shaftline.display.manoeuvres import OUTLINE, outline, pictures
 from shaftline.plant import approach, load_ship, turning_circle
-from shaftline.plant.manoeuvring_standards import Trials, trials
+from shaftline.plant.manoeuvres import Trials, trials
 
 from .conftest import Command
 from .test_bad_input import nothing_written, refused

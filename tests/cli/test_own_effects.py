@@ -14,8 +14,8 @@ import pytest
 
 from shaftline.mismatch import catalogue
 from shaftline.mismatch.diagnosis import SHIP
-from shaftline.mismatch.numbers.identification import SHIP as IDENTIFIED
-from shaftline.mismatch.report.files import REPORT
+from shaftline.mismatch.identify import SHIP as IDENTIFIED
+from shaftline.mismatch.report.index import REPORT
 from shaftline.plant import Ship, load_ship, simulate_recording, write_ship
 from shaftline.plant.terms import Term
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from shaftline.cli import console
-from shaftline.cli.progress import EVERY_S, Log, loading, progress, stages, tell_compiling
+from shaftline.cli.console import EVERY_S, Log, loading, progress, stages, tell_compiling
 
 
 def told(steps: list[tuple[float, int, str]], total: int) -> list[str]:

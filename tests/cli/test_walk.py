@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 
 from shaftline.baselines import controller_names, helmsman_names
-from shaftline.mismatch.numbers.pipeline import METHODS
+from shaftline.mismatch.identify import METHODS
 from shaftline.plant import load_ship
 from shaftline.plant.load_cases import CASES
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 from shaftline.cli.main import app
 from shaftline.plant import Ship, equilibrium, linearise, load_ship, ship_names
 from shaftline.plant.columns import RUDDER_COMMAND, TIME, drive_column
-from shaftline.plant.ship_templates import template, template_names
+from shaftline.plant.ship_files import template, template_names
 
 SHIPS = (*ship_names(), *template_names())
 """Every packaged ship, and every template from which ``new-ship`` writes a file."""

@@ -6,7 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from shaftline.core.files import FileError, read_json, write_atomically, write_json, write_text
+from shaftline.core.files import (
+    FileError,
+    read_json,
+    write_atomically,
+    write_json,
+    write_text,
+)
 
 
 def test_a_file_appears_whole_under_its_name(tmp_path: Path) -> None:

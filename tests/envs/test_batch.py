@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.baselines.actions import encode
+from shaftline.baselines.controller import encode
 from shaftline.baselines.governor import tune
 from shaftline.envs import CLASSIC, FrigateEnv, FrigateVectorEnv, Settings
 from shaftline.envs.batch import Batch, _governor_gains

@@ -25,7 +25,7 @@ from shaftline.observers.records import ESTIMATE, Measurement
 from shaftline.plant import load_ship
 from shaftline.plant.cavitation import burrill_ratio, effective_attack, outside_bucket
 from shaftline.plant.drives.diesel import rack_torque, torque_limit
-from shaftline.plant.term_kernel import NO_SIGNALS
+from shaftline.plant.expressions import NO_SIGNALS
 
 from .by_hand import STILL, ByHand, Moment
 

@@ -18,7 +18,7 @@ from shaftline.envs.kernel import DRIFT_SWING
 from shaftline.envs.sensing import shorter_way
 from shaftline.envs.tasks import get_task, tasks
 from shaftline.plant import approach, load_ship, nomoto
-from shaftline.plant.manoeuvring_standards import criteria, trials
+from shaftline.plant.manoeuvres import criteria, trials
 
 CALM: dict[str, Any] = {
     "sea": "calm", "speed_order_m_s": 8.0, "cross_current_m_s": 0.0, "drift_force_kN": 0.0,

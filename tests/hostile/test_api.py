@@ -16,8 +16,7 @@ import pandas as pd
 import pytest
 
 from shaftline.core.compiled import kernels_kept_in
-from shaftline.core.files import FileError, check_writable, write_text
-from shaftline.core.sizes import SizeError, check_size
+from shaftline.core.files import FileError, SizeError, check_size, check_writable, write_text
 from shaftline.envs import FrigateEnv, FrigateVectorEnv
 from shaftline.observers import follow, get_observer, variance_accounted_for
 from shaftline.plant import (

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from shaftline.agents.learning.recipe import read_recipe
 from shaftline.mismatch.recordings.columns import load_map
 from shaftline.mismatch.recordings.load import load_recording
-from shaftline.mismatch.search.entries import read_entries
+from shaftline.mismatch.search.catalogue import read_entries
 from shaftline.plant import load_ship
 from shaftline.plant.columns import input_columns
 from shaftline.plant.recording import read_recording

@@ -17,7 +17,7 @@ import yaml
 from shaftline.agents.learning.recipe import read_recipe
 from shaftline.envs import get_task
 from shaftline.mismatch.recordings.columns import load_map
-from shaftline.mismatch.search.entries import entries_of
+from shaftline.mismatch.search.catalogue import entries_of
 from shaftline.plant import load_ship
 from shaftline.plant.seas import get_sea, presets
 

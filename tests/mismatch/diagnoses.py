@@ -10,11 +10,9 @@ import numpy as np
 from shaftline.mismatch import Diagnosis, Estimate
 from shaftline.mismatch.judge.findings import Detectable, Finding
 from shaftline.mismatch.judge.shapes import Shape, term_of
-from shaftline.mismatch.judge.whiteness import Colour
-from shaftline.mismatch.search.catalogue import catalogue
-from shaftline.mismatch.search.effect import Effect
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.catalogue import Effect, Placed, catalogue
 from shaftline.mismatch.search.selection import Candidate
+from shaftline.mismatch.search.whiteness import Colour
 from shaftline.plant import Ship, load_ship
 
 ROWS, INTERVAL_S = 1200, 0.2

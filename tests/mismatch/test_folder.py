@@ -12,8 +12,8 @@ import pytest
 from shaftline.core.sweep import SweepError
 from shaftline.mismatch import Options, diagnose_folder, folder
 from shaftline.mismatch.diagnosis import SHIP
-from shaftline.mismatch.numbers.start import Start
-from shaftline.mismatch.report.files import PAGE, REPORT
+from shaftline.mismatch.identification.start import Start
+from shaftline.mismatch.report.index import PAGE, REPORT
 from shaftline.plant import Ship
 
 from .diagnoses import diagnosis_of

@@ -11,7 +11,7 @@ from shaftline.mismatch import diagnose, identify
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.columns import signal_columns
 from shaftline.plant.load_cases import get_case
-from shaftline.plant.ship_templates import template
+from shaftline.plant.ship_files import template
 
 
 def written(ship: str | Ship, case: str, folder: Path) -> Path:

@@ -16,11 +16,11 @@ from shaftline.observers import (
     readings_of,
     variance_accounted_for,
 )
-from shaftline.observers.adaptive_immersion_invariance import (
+from shaftline.observers.immersion_invariance import (
     AdaptiveImmersionInvariance,
     CovarianceImmersionInvariance,
+    ImmersionInvariance,
 )
-from shaftline.observers.immersion_invariance import ImmersionInvariance
 from shaftline.plant import Equilibrium, Schedule, Ship, simulate
 
 from .screw import DT, INERTIA, SHIP, Screw, noisy_readings, sampled

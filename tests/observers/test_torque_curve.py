@@ -14,7 +14,7 @@ from shaftline.observers.torque_curve import (
     torque_slopes,
     velocity_from_torque,
 )
-from shaftline.plant.propeller_curves import torque_coefficient
+from shaftline.plant.propeller import torque_coefficient
 
 from .screw import SHIP, Screw
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from shaftline.observers import ObserverError, follow, follow_table, get_observer, readings_of
-from shaftline.observers.torque_reading import believed, read_at_drive, torque_of_drive
+from shaftline.observers.torque_curve import believed, read_at_drive, torque_of_drive
 from shaftline.plant import Schedule, Ship, State, load_ship, simulate
 
 from .rig import INERTIA, PITCH, RIG, reversed_run

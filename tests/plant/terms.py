@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from shaftline.plant import Ship
-from shaftline.plant.term_kernel import NO_SIGNALS, Heard, Loaded, added
+from shaftline.plant.expressions import NO_SIGNALS, Heard, Loaded, added
 
 HEARD = Heard(11.0, 8.0, 1.2, 1.3, 22.0, 6.5, 4.0, 30.0, 0.4, 0.01, 0.2, -0.1, 0.7)
 LOADED = Loaded(2e5, 6e4, 6.5e4, 1.8e5, 0.02)

@@ -22,7 +22,7 @@ from shaftline.plant.dynamics import evaluate
 from shaftline.plant.keys import Number
 from shaftline.plant.manoeuvring import Manoeuvring
 from shaftline.plant.record import PLANT
-from shaftline.plant.ship_errors import ShipError
+from shaftline.plant.ship import ShipError
 from shaftline.plant.state import LAGS, Inputs, Outputs, State, active_states
 from shaftline.plant.terms import Term
 

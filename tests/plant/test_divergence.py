@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 
 from shaftline.cli.main import app
 from shaftline.plant import Schedule, equilibrium, load_ship, simulate
-from shaftline.plant.divergence import refuse_divergence
 from shaftline.plant.replay import simulate_recording
 from shaftline.plant.ship import Ship
 from shaftline.plant.signals import SAMPLE, SIGNALS
+from shaftline.plant.stepping import refuse_divergence
 from shaftline.plant.voyage import Voyage
 
 SHIP = load_ship("frigate")

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from shaftline.plant import Equilibrium, Schedule, Ship, load_ship, simulate
 from shaftline.plant.dynamics import evaluate, loads, settled
+from shaftline.plant.expressions import Heard
 from shaftline.plant.open_water import PITCH_POWERS, b_series
 from shaftline.plant.propeller import propeller_load
 from shaftline.plant.state import LAGS, Inputs, State
-from shaftline.plant.term_kernel import Heard
 from shaftline.plant.terms import OF_A_TURN
 from shaftline.plant.ventilation import suction_head, ventilation_rate
 

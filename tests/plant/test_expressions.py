@@ -10,8 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shaftline.plant import Ship, ShipError, load_ship
-from shaftline.plant.expressions import FUNCTIONS, TermError, parsed
-from shaftline.plant.term_kernel import MAX_DEPTH, MAX_TERMS, Added, AddedBefore, Heard, Loaded
+from shaftline.plant.expressions import (
+    FUNCTIONS,
+    MAX_DEPTH,
+    MAX_TERMS,
+    Added,
+    AddedBefore,
+    Heard,
+    Loaded,
+    TermError,
+    parsed,
+)
 from shaftline.plant.terms import OF_A_TURN, PLACES, TERM_SIGNALS, Term, add_term
 
 from .terms import HEARD, LOADED, value

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shaftline.plant import Schedule, Ship, ShipError, State, get_sea, load_ship, realise, simulate
-from shaftline.plant.ship_errors import validated
+from shaftline.plant.ship import validated
 
 FAN: dict[str, Any] = {
     "name": "fan",

@@ -21,8 +21,7 @@ from shaftline.plant import (
     turning_circle,
     zig_zag,
 )
-from shaftline.plant.manoeuvres import SPIRAL_ANGLES
-from shaftline.plant.manoeuvring_standards import MANOEUVRES, criteria, limits, trials
+from shaftline.plant.manoeuvres import MANOEUVRES, SPIRAL_ANGLES, criteria, limits, trials
 
 TEN, TWENTY, HARD = math.radians(10.0), math.radians(20.0), math.radians(35.0)
 Sailing = tuple[Ship, Equilibrium]

@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 from shaftline.plant import Ship, ShipError, equilibrium, linearise, load_ship, write_ship
-from shaftline.plant.open_water_table import invert_table, table_curve
-from shaftline.plant.propeller import propeller_load
-from shaftline.plant.propeller_curves import (
+from shaftline.plant.open_water import invert_table, table_curve
+from shaftline.plant.propeller import (
     advance_ratio_of,
+    propeller_load,
     thrust_coefficient,
     torque_coefficient,
     torque_coefficient_slope,

@@ -9,12 +9,12 @@ import pytest
 from shaftline.plant import Schedule, Ship, ShipError, State, equilibrium, load_ship, simulate
 from shaftline.plant.open_water import b_series, open_water
 from shaftline.plant.propeller import (
+    FOUR_QUADRANT,
     PITCH_RANGES,
     cavitation_loss,
     cavitation_number,
     propeller_load,
 )
-from shaftline.plant.propeller_curves import FOUR_QUADRANT
 from shaftline.plant.ventilation import lost_suction, suction_head
 
 KT, KQ = b_series("KT", 0.9, 5), b_series("KQ", 0.9, 5)

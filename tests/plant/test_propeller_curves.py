@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from shaftline.plant import Ship, load_ship
 from shaftline.plant.four_quadrant import PITCH_NODES, b4_70_family, ring_vortex
-from shaftline.plant.propeller import propeller_load
-from shaftline.plant.propeller_curves import (
+from shaftline.plant.propeller import (
     FOLD_MARGIN,
     advance_ratio_of,
     outside_ring_vortex,
+    propeller_load,
     torque_in_any_quadrant,
 )
 

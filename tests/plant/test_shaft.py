@@ -19,7 +19,7 @@ from shaftline.plant.shaft import (
     quadratic_drag,
     shaft_inertia,
 )
-from shaftline.plant.ship_templates import template
+from shaftline.plant.ship_files import template
 
 GEAR, EFFICIENCY = 7.38, 0.95
 LEFT, RIGHT = 53697.0, 14411.0

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shaftline.plant.table_files import LayoutError, read_sheet
+from shaftline.core.tables import LayoutError, read_sheet
 
 openpyxl = pytest.importorskip("openpyxl")
 pytest.importorskip("python_calamine")

@@ -12,7 +12,7 @@ import pytest
 from shaftline.plant import Ship, ShipError, load_ship
 from shaftline.plant.drives import DcMotor, Diesel, Drive
 from shaftline.plant.hull import Hull
-from shaftline.plant.ship_errors import kinds, tag_of, validated
+from shaftline.plant.ship import kinds, tag_of, validated
 
 FRIGATE = resources.files("shaftline.plant").joinpath("ships/frigate.toml").read_text("utf-8")
 

@@ -12,7 +12,7 @@ import pytest
 
 from shaftline.plant import Ship, ShipError, equilibrium, load_ship, simulate_recording
 from shaftline.plant.columns import drive_column
-from shaftline.plant.ship_templates import template, template_names, template_text
+from shaftline.plant.ship_files import template, template_names, template_text
 
 NAMES = template_names()
 EACH = pytest.mark.parametrize("name", NAMES)

@@ -19,18 +19,18 @@ from shaftline.plant import (
     write_ship,
 )
 from shaftline.plant.dynamics import evaluate, settled
-from shaftline.plant.expressions import TermError
-from shaftline.plant.linear import tangent
-from shaftline.plant.state import Inputs, State
-from shaftline.plant.term_kernel import (
+from shaftline.plant.expressions import (
     MAX_SIGNALS,
     MAX_STATES,
     NO_SIGNALS,
     Added,
     AddedBefore,
+    TermError,
     added,
     added_before,
 )
+from shaftline.plant.linear import tangent
+from shaftline.plant.state import Inputs, State
 from shaftline.plant.terms import Term, add_term
 
 from .terms import HEARD, LOADED, NO_STATES, with_term

@@ -11,8 +11,7 @@ import pytest
 
 from shaftline.plant import Schedule, State, equilibrium, load_ship, simulate
 from shaftline.plant.keys import KeyInfo, Section, is_lag
-from shaftline.plant.ship import Ship
-from shaftline.plant.ship_errors import ShipError
+from shaftline.plant.ship import Ship, ShipError
 from shaftline.plant.state import LAGS
 from shaftline.plant.time_constants import SHAFT, SWAY_AND_YAW, time_constants
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.numbers.free import number_of
+from shaftline.mismatch.identification.free_parameters import number_of
 from shaftline.validation.coverage import (
     KEYS,
     TOLERATED,

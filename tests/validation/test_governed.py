@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from shaftline.validation.reality import bench, governed
-from shaftline.validation.reality.crew_demands import voyage
 from shaftline.validation.reality.governed import RACK, VOLTAGE, ramped
-from shaftline.validation.reality.instruments import read
+from shaftline.validation.reality.instruments import read, voyage
 from shaftline.validation.reality.numbers import frigate_numbers
 from shaftline.validation.reality.sail import sail
 

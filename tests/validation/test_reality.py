@@ -14,13 +14,12 @@ from shaftline.plant import load_ship
 from shaftline.plant.replay import simulate_recording
 from shaftline.validation import cases
 from shaftline.validation.cases import draw_case
-from shaftline.validation.reality import bench, crew_demands, effects, water
+from shaftline.validation.reality import bench, effects, instruments, motion
 from shaftline.validation.reality.effects import FRIGATE
 from shaftline.validation.reality.instruments import read
 from shaftline.validation.reality.numbers import NEUTRAL, frigate_numbers
 from shaftline.validation.reality.sail import restless, sail
-from shaftline.validation.recording import make
-from shaftline.validation.scenario import Scenario
+from shaftline.validation.recording import Scenario, make
 
 PERIOD = 0.1
 
@@ -31,9 +30,9 @@ def close(a: pd.Series, b: pd.Series, share: float) -> bool:
     return rms <= share * float(a.std())
 
 
-@pytest.mark.parametrize("kind", crew_demands.LIVELY)
+@pytest.mark.parametrize("kind", instruments.LIVELY)
 def test_without_effects_the_frigate_is_the_plants(kind: str) -> None:
-    rack, pitch = crew_demands.voyage(kind, 300.0, PERIOD, np.random.default_rng(3))
+    rack, pitch = instruments.voyage(kind, 300.0, PERIOD, np.random.default_rng(3))
     reality = sail(frigate_numbers(), rack, pitch, PERIOD)
     plant = simulate_recording(load_ship("frigate"), reality)
     for column in ("shaft_speed_rad_s", "shaft_torque_N_m", "ship_speed_m_s"):
@@ -81,23 +80,23 @@ def test_the_thruster_holds_its_demand_over_each_sample() -> None:
 
 
 def test_the_sea_has_its_height_and_meets_the_ship() -> None:
-    waves = water.head_sea(3.0, 9.0, 4.0, seed=5)
+    waves = motion.head_sea(3.0, 9.0, 4.0, seed=5)
     assert 4.0 * np.sqrt(0.5 * np.sum(waves[:, 0] ** 2)) == pytest.approx(3.0)
     assert (waves[:, 3] > 0.0).all()  # the faster the ship, the oftener
     peak = 2.0 * np.pi / 9.0
     assert 0.8 * peak < np.median(waves[:, 2]) < 1.6 * peak
-    assert np.array_equal(waves, water.head_sea(3.0, 9.0, 4.0, seed=5))
-    assert not np.array_equal(waves, water.head_sea(3.0, 9.0, 4.0, seed=6))
+    assert np.array_equal(waves, motion.head_sea(3.0, 9.0, 4.0, seed=5))
+    assert not np.array_equal(waves, motion.head_sea(3.0, 9.0, 4.0, seed=6))
 
 
 @functools.cache
 def demands() -> tuple[np.ndarray, np.ndarray]:
-    rack, pitch = crew_demands.voyage("steps", 300.0, PERIOD, np.random.default_rng(8))
+    rack, pitch = instruments.voyage("steps", 300.0, PERIOD, np.random.default_rng(8))
     return rack, pitch
 
 
 def frigate_readings(numbers: dict[str, float], rough: bool) -> pd.DataFrame:
-    waves = water.head_sea(6.0, 10.0, 4.0, 1) if rough else None
+    waves = motion.head_sea(6.0, 10.0, 4.0, 1) if rough else None
     truth = sail(numbers, *demands(), PERIOD, waves=waves)
     return read(truth, numbers, PERIOD, None)
 

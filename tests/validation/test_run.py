@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.validation import cases, run, summary
-from shaftline.validation.reality.crew_demands import voyage
+from shaftline.validation import cases, run, scoring
+from shaftline.validation.reality.instruments import voyage
 from shaftline.validation.reality.numbers import frigate_numbers
 from shaftline.validation.reality.sail import sail
 from shaftline.validation.recording import Reality
@@ -141,7 +141,7 @@ def test_a_wrong_confident_name(kind: str, named: str, verdict: str, sure: bool)
     concealed = {"single": (FRICTION,), "unknown": ("rudder-action/hull",)}.get(kind, ())
     row = scored(reality(kind, *concealed), report(named, verdict=verdict))
     assert row["wrong_and_sure"] == sure
-    value = summary.tables_of(table_of([row]))["summary"].set_index("figure")["value"]
+    value = scoring.tables_of(table_of([row]))["summary"].set_index("figure")["value"]
     (figure,) = (name for name in value.index if name.startswith("wrong confident name"))
     assert value[figure] == float(sure)
 
@@ -184,13 +184,13 @@ def test_the_summary_counts_what_it_says() -> None:
     rows += [scored(reality("unknown", "rudder-action/hull"), report(verdict="unexplained"))]
     for index, row in enumerate(rows):
         row["index"] = index
-    tables = summary.tables_of(table_of(rows))
+    tables = scoring.tables_of(table_of(rows))
     value = tables["summary"].set_index("figure")["value"]
     assert value["effects named on null data: all"] == 0.25
     assert value["true id or its class first"] == 0.5
     assert value["balance right"] == 0.5
     assert value["effect absent from the catalogue: unexplained or its class"] == 1.0
-    grid = summary.confusion(tables["cases"], "tool")
+    grid = scoring.confusion(tables["cases"], "tool")
     assert grid.loc[FRICTION, "hull-fouling"] == 1
     assert tables["strength"].loc[0, "true id first"] == 0.5
 
@@ -214,9 +214,9 @@ def test_the_plain_ways_find_a_strong_effect(module: str, tmp_path: Path) -> Non
 
 
 def test_wilson() -> None:
-    low, high = summary.wilson(5, 10)
+    low, high = scoring.wilson(5, 10)
     assert (low, high) == pytest.approx((0.2366, 0.7634), abs=1e-4)
-    assert summary.wilson(0, 10)[0] == 0.0
+    assert scoring.wilson(0, 10)[0] == 0.0
 
 
 def test_a_proof_is_resumed_sealed_and_written(tmp_path: Path, monkeypatch: Any) -> None:
@@ -264,5 +264,5 @@ def test_the_figure_of_confusions(tmp_path: Path) -> None:
         index=["coulomb-friction/engine", "hull-fouling/hull"],
         columns=["coulomb-friction", "hull-fouling", "nothing-missing"],
     )
-    summary.draw_confusion(grid, tmp_path / "grid.png")
+    scoring.draw_confusion(grid, tmp_path / "grid.png")
     assert (tmp_path / "grid.png").stat().st_size > 5000

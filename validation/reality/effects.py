@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from .crew_demands import LIVELY
+from .instruments import LIVELY
 
 FRIGATE, BENCH = "frigate", "bench-thruster"
 MOVING = ("steps", "ramps", "staircase", "harbour")

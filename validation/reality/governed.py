@@ -16,12 +16,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .bench import THRUSTER, _motor, bench_numbers, step_held
-from .crew_demands import steady
-from .instruments import ENCODER_DIGIT, encoder_noise
-from .motion import STATES, _balance, compiled
+from .instruments import ENCODER_DIGIT, encoder_noise, steady
+from .motion import STATES, Waves, _balance, calm, compiled
 from .numbers import Numbers, as_record
 from .sail import FINE, STALLED, StalledError, _clock_table, _first_states, columns_of
-from .water import Waves, calm
 
 Floats = NDArray[np.float64]
 

@@ -1,17 +1,120 @@
-"""What the instruments of the true ship show of it."""
+"""What the crew does: rack and pitch demands drawn at random.
+
+What the instruments of the true ship show of it.
+"""
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
 import pandas as pd
 import scipy
+from numpy.random import Generator
 from numpy.typing import NDArray
 
-from .numbers import Numbers
+from .motion import _curve
+from .numbers import Numbers, frigate_numbers, open_water_curve
 
 Floats = NDArray[np.float64]
+LIVELY = ("steps", "ramps", "staircase", "harbour", "sweep")
+DULL = "cruise"
+SPEED_PER_RACK = 0.3  # rad/s/mm; about what a millimetre of rack is worth
+
+
+@functools.cache
+def _curves() -> tuple[Floats, Floats]:
+    kt, kq = (open_water_curve(curve, 5, 0.9) for curve in ("KT", "KQ"))
+    return kt, kq
+
+
+@functools.lru_cache(4096)
+def steady(omega: float, pitch: float) -> tuple[float, float]:
+    """Rack [mm] and ship speed [m/s] at which the file's frigate holds a shaft speed and pitch."""
+    n = frigate_numbers()
+    kt, kq = _curves()
+    turns = omega / (2.0 * math.pi)
+    diameter = n["diameter"]
+
+    def surplus(v: float) -> float:
+        j = (1.0 - n["wake"]) * v / (turns * diameter)
+        thrust = n["density"] * turns**2 * diameter**4 * float(_curve(kt, j, pitch))
+        return n["screws"] * (1.0 - n["deduction"]) * thrust - n["resistance"] * v * v
+
+    v = float(scipy.optimize.brentq(surplus, 0.0, 1.5 * turns * diameter))
+    j = (1.0 - n["wake"]) * v / (turns * diameter)
+    load = n["density"] * turns**2 * diameter**5 * float(_curve(kq, j, pitch)) / n["rotative"]
+    brake = load / (n["gear"] * n["efficiency"])
+    return (brake - n["map_speed"] * n["gear"] * omega - n["map_zero"]) / n["map_rack"], v
+
+
+def _level(rng: Generator, slow: bool, governed: bool) -> tuple[float, float]:
+    """Rack (or shaft speed) and pitch of a random working point that the engine can bear."""
+    for _ in range(100):
+        omega = rng.uniform(5.8, 8.5) if slow else rng.uniform(6.5, 12.0)
+        pitch = rng.uniform(0.7, 1.2) if slow else rng.uniform(0.95, 1.38)
+        rack, _ = steady(round(omega, 3), round(pitch, 3))
+        if rack < 27.0:
+            return (omega if governed else rack), pitch
+    raise AssertionError("no working point")
+
+
+def voyage(
+    kind: str, seconds: float, period: float, rng: Generator, governed: bool = False
+) -> tuple[Floats, Floats]:
+    """Rack [mm] and pitch demands, a pair a sample.
+
+    Args:
+        kind: one of ``LIVELY``, or ``"cruise"``.
+        seconds: length of the record.
+        period: between samples [s].
+        rng: decides everything.
+        governed: whether the shaft speed [rad/s] is ordered in place of the rack, at the same points.
+    """
+    unit = SPEED_PER_RACK if governed else 1.0
+    count = round(seconds / period) + 1
+    time: Floats = np.arange(count, dtype=np.float64) * period
+    if kind == DULL:
+        rack, pitch = _level(rng, False, governed)
+        touched = np.cumsum(rng.random(count) < period / 200.0) % 3 - 1
+        return np.asarray(rack + 0.12 * unit * touched, dtype=np.float64), np.full(count, pitch)
+    if kind == "sweep":
+        rack, pitch = _level(rng, False, governed)
+        low, high = 1.0 / rng.uniform(90.0, 150.0), 1.0 / rng.uniform(8.0, 20.0)
+        phase = 2.0 * math.pi * low * seconds / math.log(high / low)
+        angle = phase * (np.exp(time / seconds * math.log(high / low)) - 1.0)
+        drawn = unit * rng.uniform(1.5, 3.0)
+        swell = np.sin(2.0 * math.pi * time / rng.uniform(130.0, 260.0))
+        pitch = min(pitch, 1.3)
+        return rack + drawn * np.sin(angle), pitch + rng.uniform(0.04, 0.08) * swell
+    slow = kind == "harbour"
+    dwell = (12.0, 60.0) if slow else (50.0, 140.0)
+    edges = [0.0]
+    while edges[-1] < seconds:
+        edges.append(edges[-1] + rng.uniform(*dwell))
+    levels = [_level(rng, slow, governed) for _ in edges]
+    if kind == "staircase":  # up and down in equal treads
+        first, last = sorted(levels[:2])
+        folded = np.abs((np.arange(len(edges)) % 10) - 5) / 5.0
+        levels = [
+            (first[0] + f * (last[0] - first[0]), first[1] + f * (last[1] - first[1]))
+            for f in (1.0 - folded)
+        ]
+    place = np.searchsorted(np.array(edges), time, side="right") - 1
+    knots = np.array(levels)
+    if kind != "ramps":
+        demands = knots[place]
+        if kind == "steps":  # rack and pitch seldom move at the same moment
+            late = np.maximum(place - (time - np.array(edges)[place] < 15.0), 0)
+            demands[:, 1] = knots[late, 1]
+        return demands[:, 0].copy(), demands[:, 1].copy()
+    ramp = rng.uniform(10.0, 40.0)
+    into = np.clip((time - np.array(edges)[place]) / ramp, 0.0, 1.0)[:, None]
+    demands = knots[np.maximum(place - 1, 0)] * (1.0 - into) + knots[place] * into
+    return demands[:, 0].copy(), demands[:, 1].copy()
+
+
 ENCODER_DIGIT = 0.005  # rad/s; of a rounded reading
 
 

@@ -1,4 +1,8 @@
-"""Equations of motion of the true ship, with whatever its file leaves out.
+"""A long-crested JONSWAP head sea of its own: components of equal energy with random phases.
+
+Fuel rack and pitch mechanism of the true ship: from demands to what acts, on a fine grid of time.
+
+Equations of motion of the true ship, with whatever its file leaves out.
 
 Compiled for speed. The states are shaft speed, ship speed, position, brake torque and its rate (of an
 engine with lag), inflow (where it lags), air at the propeller, bearing heat, and the phase of a torque
@@ -13,6 +17,129 @@ from typing import Any
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from .numbers import Numbers
+
+GRAVITY = 9.81
+COMPONENTS = 48
+
+Waves = NDArray[np.float64]
+"""Shape (n, 5), one component a row: elevation amplitude [m], inflow amplitude at the propeller [m/s],
+circular frequency [rad/s], wave number along the track [rad/m], phase [rad]."""
+
+
+def calm() -> Waves:
+    """No waves at all."""
+    return np.zeros((0, 5))
+
+
+def head_sea(
+    height: float, period: float, depth: float, seed: int, peakedness: float = 3.3,
+    angle: float = 0.0,
+) -> Waves:  # fmt: skip
+    """Draw a sea that meets the ship.
+
+    Args:
+        height: significant wave height [m].
+        period: peak period [s].
+        depth: of the propeller's centre [m].
+        seed: of the phases and frequencies.
+        peakedness: gamma [-].
+        angle: off the bow [rad].
+
+    Returns:
+        Components, each carrying the same share of the energy height^2 / 16.
+    """
+    rng = np.random.default_rng(seed)
+    grid = np.linspace(0.5, 3.5, 4000) * 2.0 * math.pi / period
+    ratio = grid * period / (2.0 * math.pi)
+    sigma = np.where(ratio < 1.0, 0.07, 0.09)
+    density = ratio**-5 * np.exp(-1.25 / ratio**4)
+    density *= peakedness ** np.exp(-((ratio - 1.0) ** 2) / (2.0 * sigma**2))
+    share = np.cumsum(density)
+    wanted = (np.arange(COMPONENTS) + rng.random(COMPONENTS)) / COMPONENTS
+    frequency = np.interp(wanted, share / share[-1], grid)
+    number = frequency**2 / GRAVITY
+    waves = np.zeros((COMPONENTS, 5))
+    waves[:, 0] = height / 4.0 * math.sqrt(2.0 / COMPONENTS)
+    # in a head sea's crest the water runs against the ship: it adds to the inflow
+    waves[:, 1] = waves[:, 0] * frequency * np.exp(-number * depth) * math.cos(angle)
+    waves[:, 2] = frequency
+    waves[:, 3] = number * math.cos(angle)
+    waves[:, 4] = rng.uniform(0.0, 2.0 * math.pi, COMPONENTS)
+    return waves
+
+
+Floats = NDArray[np.float64]
+
+
+def rack_travel(demand: Floats, numbers: Numbers, step: float) -> Floats:
+    """Rack position [mm] on the fine grid.
+
+    Args:
+        demand: on the fine grid [mm].
+        numbers: ``dead_time`` wanders by ``dead_time_jitter`` (a share of it); the rack needs
+            ``rack_slowness`` [s/mm] upwards, and ``rack_slowness_down`` of that downwards.
+        step: of the grid [s].
+    """
+    moved = np.clip(demand, 0.0, numbers["rack_high"])
+    if numbers["dead_time"] > 0.0:
+        time = np.arange(len(demand)) * step
+        wander = np.sin(2.0 * math.pi * time / 47.0) + np.sin(2.0 * math.pi * time / 17.3 + 1.0)
+        late = numbers["dead_time"] * (1.0 + 0.5 * numbers["dead_time_jitter"] * wander)
+        moved = np.interp(time - late, time, moved)
+    if numbers["rack_slowness"] > 0.0:
+        up = step / numbers["rack_slowness"]
+        down = up / numbers["rack_slowness_down"]
+        here, track = float(moved[0]), np.empty(len(moved))
+        for k, wanted in enumerate(moved.tolist()):
+            here += min(max(wanted - here, -down), up)
+            track[k] = here
+        moved = track
+    return moved
+
+
+def pitch_travel(command: Floats, numbers: Numbers, step: float) -> Floats:
+    """Blade pitch ratio on the fine grid: mechanism, then play between mechanism and blade.
+
+    Args:
+        command: on the fine grid.
+        numbers: the ``pitch_...`` ones. Beyond ``pitch_dead_band`` a valve opens, and it shuts at
+            ``pitch_dead_band_stop`` of it; the rate saturates smoothly at 1 / ``pitch_slowness``;
+            the play's edges are rounded.
+        step: of the grid [s].
+    """
+    wanted = np.clip(command, numbers["pitch_low"], numbers["pitch_high"])
+    wanted = wanted + numbers["pitch_shift"] * (1.0 + numbers["pitch_shift_slope"] * (wanted - 1.1))
+    time, band, slow = numbers["pitch_time"], numbers["pitch_dead_band"], numbers["pitch_slowness"]
+    stop = band * numbers["pitch_dead_band_stop"]
+    play, edge = 0.5 * numbers["pitch_play"], numbers["pitch_play_round"]
+    here = blade = float(wanted[0])
+    moving = False
+    share = -math.expm1(-step / time)
+    track = np.empty(len(wanted))
+    for k, goal in enumerate(wanted.tolist()):
+        track[k] = blade
+        error = goal - here
+        if band > 0.0:
+            moving = abs(error) > (stop if moving else band)
+            error = error - math.copysign(0.95 * stop, error) if moving else 0.0
+        travel = error * share
+        if slow > 0.0:
+            most = step / slow
+            travel = most * math.tanh(travel / most)
+        here += travel
+        if play > 0.0:  # the flank gives way a little before it carries the blade
+            gap = here - blade
+            soft = play * (1.0 - edge)
+            if abs(gap) > play:
+                blade = here - math.copysign(play, gap)
+            elif abs(gap) > soft:
+                blade += math.copysign((abs(gap) - soft) * 0.25 * min(step * 20.0, 1.0), gap)
+        else:
+            blade = here
+    return track
+
 
 STATES = 9
 ABSOLUTE_TOLERANCES = np.array([1e-5, 1e-5, 1e-2, 5.0, 20.0, 1e-4, 1e-3, 1e-3, 1e-2])

@@ -10,10 +10,18 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from .actuators import pitch_travel, rack_travel
-from .motion import ABSOLUTE_TOLERANCES, CLOCK, STATES, rates, signals
+from .motion import (
+    ABSOLUTE_TOLERANCES,
+    CLOCK,
+    STATES,
+    Waves,
+    calm,
+    pitch_travel,
+    rack_travel,
+    rates,
+    signals,
+)
 from .numbers import Numbers, as_record
-from .water import Waves, calm
 
 Floats = NDArray[np.float64]
 FINE = 5  # steps of the clock's table within a sample

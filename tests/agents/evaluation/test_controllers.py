@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from shaftline.agents import PolicyError, load_controller, load_policy
-from shaftline.agents.evaluation import controllers
-from shaftline.agents.evaluation.controllers import known, label, version_of
+from shaftline.agents.evaluation import episodes
+from shaftline.agents.evaluation.episodes import known, label, version_of
 from shaftline.agents.policy.policy import Policy, trained
 from shaftline.baselines import SteeringController
 from shaftline.baselines.registry import ControllerError
@@ -96,6 +96,6 @@ def test_a_policys_label_changes_with_its_file_and_with_what_sails_it(
     assert label(f"policy:{file}") != first
     second = version_of(file)
     monkeypatch.setattr(
-        controllers, "source_digest", lambda *places: "new" if places == ("agents/policy",) else ""
+        episodes, "source_digest", lambda *places: "new" if places == ("agents/policy",) else ""
     )
     assert version_of(file) != second

@@ -15,7 +15,7 @@ from shaftline.mismatch.judge.confirmation import (
     settled_edges,
     with_rivals,
 )
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.catalogue import Placed
 from shaftline.mismatch.search.selection import Candidate, Selection
 from shaftline.mismatch.search.spectra import chance
 

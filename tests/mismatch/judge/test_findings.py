@@ -7,15 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.findings import (
-    at_bound,
-    detectable_effects,
-    findings_of,
-    implausible,
-)
-from shaftline.mismatch.report.sentences import finding_sentence
+from shaftline.mismatch.judge.findings import at_bound, detectable_effects, findings_of, implausible
+from shaftline.mismatch.report.text import finding_sentence
+from shaftline.mismatch.search.catalogue import Placed
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.search.selection import Selection
 
 from ..toy import FOULING, FRICTION, ROWS, SLOPES, VISCOUS, Toy, bands, entry, fitter, white

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import fit_percent
-from shaftline.mismatch.judge.fit import fits
+from shaftline.mismatch.judge.held_out import fits
 
 Y = np.sin(np.linspace(0.0, 9.0, 100))
 

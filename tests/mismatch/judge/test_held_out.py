@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch.judge.held_out import HeldOut, bands_of, set_aside
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.catalogue import Placed
 from shaftline.mismatch.search.spectra import Likelihood
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay

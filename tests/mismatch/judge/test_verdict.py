@@ -22,7 +22,7 @@ from shaftline.mismatch.judge.verdict import (
     too_little,
     verdict_of,
 )
-from shaftline.mismatch.judge.whiteness import Colour
+from shaftline.mismatch.search.whiteness import Colour
 
 RED = Colour(0, 1, 0.005, 0.02, 14.0)
 

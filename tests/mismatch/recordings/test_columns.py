@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.columns import load_map
-from shaftline.mismatch.recordings.sources import Source
+from shaftline.mismatch.recordings.columns import Source, load_map
 from shaftline.plant import RecordingError
 
 from .conftest import Load

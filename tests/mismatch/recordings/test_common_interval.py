@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import load_recording
-from shaftline.mismatch.recordings.common_interval import at_common_interval
-from shaftline.mismatch.recordings.joint import load_jointly
+from shaftline.mismatch.recordings.joint import at_common_interval, load_jointly
 from shaftline.mismatch.recordings.time_base import on_even_time, seconds_of_stamps
 from shaftline.plant import RecordingError, Ship, simulate_recording
 

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.first_map import first_map
+from shaftline.mismatch.recordings.draft import first_map
 from shaftline.plant import load_ship
 
 BENCH = {"Kanal 0": "", "Kanal 1": "V", "Kanal 2": "1/min", "Kanal 3": "N", "Kanal 4": "Nmm"}

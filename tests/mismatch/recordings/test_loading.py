@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.recordings.checks import dull
-from shaftline.mismatch.recordings.loading import loaded, moves
+from shaftline.mismatch.recordings.excitation import loaded, moves
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship
 

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Recording, load_recording
-from shaftline.mismatch.recordings.slips import ranges_of
-from shaftline.mismatch.recordings.sources import Source
+from shaftline.mismatch.recordings.columns import Source
+from shaftline.mismatch.recordings.unit_errors import ranges_of
 from shaftline.plant import RecordingError, Ship
 
 from .conftest import Load

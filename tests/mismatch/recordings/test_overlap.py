@@ -13,8 +13,13 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Options, Recording, diagnose, identify
-from shaftline.mismatch.recordings.joint import load_each, parts_of
-from shaftline.mismatch.recordings.overlap import LEAST_REPEATED, refuse_overlap, refuse_shared
+from shaftline.mismatch.recordings.joint import (
+    LEAST_REPEATED,
+    load_each,
+    parts_of,
+    refuse_overlap,
+    refuse_shared,
+)
 from shaftline.plant import RecordingError, Ship
 
 from .trials import voyage

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.recordings.joint import load_jointly
-from shaftline.mismatch.recordings.parts import load_parts
+from shaftline.mismatch.recordings.load import load_parts
 from shaftline.mismatch.recordings.survey import survey
 from shaftline.mismatch.recordings.time_base import parts
 from shaftline.plant import RecordingError, Ship

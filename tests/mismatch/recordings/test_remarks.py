@@ -9,12 +9,11 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
+from shaftline.mismatch.recordings.checks import standing, sticks
 from shaftline.mismatch.recordings.load import load_recording
 from shaftline.mismatch.recordings.noise import Noise
-from shaftline.mismatch.recordings.remarks import grid, quantisation_remark, remarks
-from shaftline.mismatch.recordings.standing import standing, sticks
+from shaftline.mismatch.recordings.remarks import grid, lag_of, quantisation_remark, remarks
 from shaftline.mismatch.recordings.survey import survey
-from shaftline.mismatch.recordings.timing import lag_of
 from shaftline.plant import Ship, load_ship, simulate_recording
 
 from .trials import EFFECTS, voyage

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.slips import _possible, top_speed
+from shaftline.mismatch.recordings.unit_errors import _possible, top_speed
 from shaftline.plant import RecordingError, load_ship
 
 from .conftest import Load

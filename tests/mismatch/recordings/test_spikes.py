@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.recordings.spikes import spikes
+from shaftline.mismatch.recordings.checks import spikes
 from shaftline.plant import RecordingError
 
 from .conftest import Load

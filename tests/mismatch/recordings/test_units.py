@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from shaftline.mismatch.recordings.columns import load_map
+from shaftline.mismatch.recordings.columns import LONGEST_UNIT, load_map, unit_of
 from shaftline.mismatch.recordings.load import load_recording
-from shaftline.mismatch.recordings.units import LONGEST, unit_of
 from shaftline.plant import load_ship
 
 
@@ -36,8 +35,8 @@ def test_a_tower_of_powers_is_refused_at_once(name: str) -> None:
 
 
 def test_one_without_an_end_is_refused() -> None:
-    unit_of("m" + " s" * (LONGEST // 2 - 1))
-    with pytest.raises(ValueError, match=f"has 100000 letters; at most {LONGEST}"):
+    unit_of("m" + " s" * (LONGEST_UNIT // 2 - 1))
+    with pytest.raises(ValueError, match=f"has 100000 letters; at most {LONGEST_UNIT}"):
         unit_of("m" * 100_000)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from shaftline.mismatch.report.changes import changed_keys
+from shaftline.mismatch.report.html import changed_keys
 
 from ..diagnoses import FRICTION, diagnosis_of
 

@@ -9,8 +9,15 @@ import pytest
 from scipy.signal import welch
 
 from shaftline.mismatch.report import figures
-from shaftline.mismatch.report.figures import sea_band, smooth_spectrum
-from shaftline.mismatch.report.panels import AFTER, BEFORE, HELD_OUT, MEASURED, WINDOW
+from shaftline.mismatch.report.figures import (
+    AFTER,
+    BEFORE,
+    HELD_OUT,
+    MEASURED,
+    WINDOW,
+    sea_band,
+    smooth_spectrum,
+)
 
 from ..diagnoses import ROWS, TIME, candidate, diagnosis_of
 

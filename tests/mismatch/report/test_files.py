@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from shaftline.mismatch.report.files import PAGE, REPORT, write_result
+from shaftline.mismatch.report.index import PAGE, REPORT, write_result
 from shaftline.plant import load_ship
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from shaftline.mismatch import Estimate
 from shaftline.mismatch.report.data import as_dict
-from shaftline.mismatch.report.formulas import formula_as_dict, formula_lines, formula_sentence
 from shaftline.mismatch.report.html import report_html
 from shaftline.mismatch.report.text import summary
+from shaftline.mismatch.report.wording import formula_as_dict, formula_lines, formula_sentence
 from shaftline.mismatch.search.blocks import Block, Factor
 from shaftline.mismatch.search.formulas import Formula
 from shaftline.plant.terms import Term

@@ -13,16 +13,8 @@ import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue
 from shaftline.mismatch.report import figures
-from shaftline.mismatch.report.html import (
-    _detectable,
-    _facts,
-    _fits,
-    _shape,
-    _untold,
-    report_html,
-)
-from shaftline.mismatch.report.sentences import status
-from shaftline.mismatch.report.text import CONSTANT
+from shaftline.mismatch.report.html import _detectable, _facts, _fits, _shape, _untold, report_html
+from shaftline.mismatch.report.text import CONSTANT, status
 from shaftline.plant import load_ship
 
 from ..diagnoses import FRICTION, channels, diagnosis_of

@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from shaftline.mismatch import Diagnosis
-from shaftline.mismatch.numbers.moved import MovedNumber
-from shaftline.mismatch.numbers.wrong import WrongNumber
+from shaftline.mismatch.identification.parameters import MovedNumber, WrongNumber
 from shaftline.mismatch.report.html import report_html
-from shaftline.mismatch.report.numbers import source_words
+from shaftline.mismatch.report.wording import source_words
 
 from ..diagnoses import diagnosis_of
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Effect, catalogue
-from shaftline.mismatch.report.panels import (
+from shaftline.mismatch.report.figures import (
     HEIGHT,
     WIDTH,
     block_rows,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.judge.whiteness import Colour
-from shaftline.mismatch.report.remarks import remarks
+from shaftline.mismatch.report.text import remarks
+from shaftline.mismatch.search.whiteness import Colour
 
 from ..diagnoses import TIME, channels, diagnosis_of
 

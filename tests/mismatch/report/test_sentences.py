@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import Effect, Estimate, catalogue
-from shaftline.mismatch.report.sentences import (
-    MOST_WORDS,
-    between,
-    finding_sentence,
-    headline,
-    sentence,
-)
+from shaftline.mismatch.report.text import MOST_WORDS, between, finding_sentence, headline, sentence
 
 from ..diagnoses import diagnosis_of, entry
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.search.blocks import Block, Factor, blocks_of, joined
-from shaftline.mismatch.search.units import powers
+from shaftline.mismatch.search.blocks import Block, Factor, blocks_of, joined, powers
 from shaftline.plant.terms import Term
 
 BETA, SPEED = Factor("beta"), Factor("speed")

@@ -11,11 +11,10 @@ import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue, diagnose
 from shaftline.mismatch.report.html import report_html
-from shaftline.mismatch.search.catalogue import applicable, mistaken_for
-from shaftline.mismatch.search.entries import entries_of
+from shaftline.mismatch.search.catalogue import applicable, entries_of, mistaken_for
 from shaftline.plant import Ship, load_ship
+from shaftline.plant.expressions import MAX_TERMS
 from shaftline.plant.replay import simulate_recording
-from shaftline.plant.term_kernel import MAX_TERMS
 from shaftline.plant.terms import Term
 
 from ..voyages import bench_tug, frigate_voyage, quick_frigate, tug_run

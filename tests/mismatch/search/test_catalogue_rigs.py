@@ -11,10 +11,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import Diagnosis, catalogue, diagnose
-from shaftline.mismatch.recordings.loading import one_way
-from shaftline.mismatch.search.catalogue import applicable
-from shaftline.mismatch.search.entries import entries_of
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.recordings.excitation import one_way
+from shaftline.mismatch.search.catalogue import Placed, applicable, entries_of
 from shaftline.mismatch.search.trial_ship import TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay

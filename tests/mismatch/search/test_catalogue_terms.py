@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import catalogue, diagnose
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.catalogue import Placed
 from shaftline.mismatch.search.trial_ship import TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay

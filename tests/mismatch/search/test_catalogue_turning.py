@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import catalogue, diagnose
-from shaftline.mismatch.recordings.loading import turned
-from shaftline.mismatch.search.catalogue import applicable
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.recordings.excitation import turned
+from shaftline.mismatch.search.catalogue import Placed, applicable
 from shaftline.mismatch.search.trial_ship import TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay

@@ -10,9 +10,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch import catalogue
-from shaftline.mismatch.search.coordinates import JointSearch, Search
-from shaftline.mismatch.search.placed import Placed
-from shaftline.mismatch.search.trial_ship import TrialShip
+from shaftline.mismatch.search.catalogue import Placed
+from shaftline.mismatch.search.trial_ship import JointSearch, Search, TrialShip
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import load_ship, ship_names

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from shaftline.mismatch.search.episodes import MOST_WINDOWS, episodes
+from shaftline.mismatch.search.catalogue import Placed, Window
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.placed import Placed, Window
+from shaftline.mismatch.search.selection import MOST_WINDOWS, episodes
 
 from ..toy import FOULING, ROWS, Toy, bands, entry, white
 

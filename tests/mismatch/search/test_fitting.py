@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shaftline.mismatch.search.coordinates import EDGE_S, Search
+from shaftline.mismatch.search.catalogue import Placed
 from shaftline.mismatch.search.fitting import Fit, Fitter
-from shaftline.mismatch.search.placed import Placed
-from shaftline.mismatch.search.trial_ship import TrialShip
+from shaftline.mismatch.search.trial_ship import EDGE_S, Search, TrialShip
 
 from ..toy import (
     FOULING,

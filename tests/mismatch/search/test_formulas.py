@@ -13,17 +13,17 @@ from threadpoolctl import threadpool_limits
 
 from shaftline.mismatch.judge.correction import FreeRunning
 from shaftline.mismatch.judge.held_out import HeldOut, bands_of, set_aside
-from shaftline.mismatch.judge.whiteness import Whiteness
 from shaftline.mismatch.search.blocks import Block, Factor
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.formula_search import FormulaSearch
 from shaftline.mismatch.search.formulas import (
     Formula,
+    FormulaSearch,
     SetAside,
     as_well,
     formula_of,
     found_formula,
 )
+from shaftline.mismatch.search.whiteness import Whiteness
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.plant import Ship

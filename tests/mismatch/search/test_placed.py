@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.catalogue import Placed
 
 from ..toy import entry
 

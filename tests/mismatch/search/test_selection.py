@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2
 
 from shaftline.mismatch import Effect
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.catalogue import Placed
 from shaftline.mismatch.search.selection import REFINED, Selector
 from shaftline.mismatch.search.spectra import chance
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from shaftline.mismatch.search.shares import Sums, best_shares, inverted
+from shaftline.mismatch.search.spectra import Sums, best_shares, inverted
 
 
 def products(seed: int, count: int, told: float) -> tuple[Any, ...]:

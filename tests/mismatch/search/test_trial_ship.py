@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shaftline.mismatch import catalogue
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.catalogue import Placed
 from shaftline.mismatch.search.trial_ship import TrialShip, scales
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from shaftline.mismatch.search.units import powers, quotient
+from shaftline.mismatch.search.blocks import powers, quotient
 
 
 def test_factors_behind_a_stroke_divide() -> None:

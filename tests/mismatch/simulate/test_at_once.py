@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from shaftline.mismatch.simulate.at_once import THREADS, at_once
+from shaftline.mismatch.simulate.joint_replay import THREADS, at_once
 
 
 def test_results_come_in_their_order_and_none_is_lost() -> None:

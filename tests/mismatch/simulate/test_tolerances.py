@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.judge.held_out import bands_of
-from shaftline.mismatch.search.catalogue import catalogue
+from shaftline.mismatch.search.catalogue import Placed, catalogue
 from shaftline.mismatch.search.fitting import Fitter
-from shaftline.mismatch.search.placed import Placed
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.mismatch.simulate.tolerances import tolerance_moves, tolerance_records

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from shaftline.mismatch.judge.held_out import set_aside
-from shaftline.mismatch.search.catalogue import applicable
-from shaftline.mismatch.search.effect import Effect
+from shaftline.mismatch.search.catalogue import Effect, applicable
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.mismatch.structure.output_error import OutputError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.structure.coarser import coarser
+from shaftline.mismatch.structure.noise_model import coarser
 
 from .rigs import motor, run
 

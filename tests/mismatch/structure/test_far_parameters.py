@@ -10,7 +10,7 @@ from shaftline.mismatch.search.catalogue import catalogue
 from shaftline.mismatch.simulate.balances import Balances
 from shaftline.mismatch.simulate.joint_replay import JointReplay
 from shaftline.mismatch.structure.choice import choose
-from shaftline.mismatch.structure.far_parameters import replace_far_parameters
+from shaftline.mismatch.structure.estimates import replace_far_parameters
 from shaftline.mismatch.structure.output_error import OutputError
 from shaftline.mismatch.structure.search import StructureSearch
 

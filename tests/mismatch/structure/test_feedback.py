@@ -7,8 +7,13 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.structure.feedback import answers_waves, correlation
-from shaftline.mismatch.structure.limits import ANSWERS, MOST_ROWS, left_out
+from shaftline.mismatch.structure.noise_model import (
+    ANSWERS,
+    MOST_ROWS,
+    answers_waves,
+    correlation,
+    left_out,
+)
 from shaftline.plant import Ship
 
 ROWS, INTERVAL_S = 6000, 0.1

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.structure.likelihood import Likelihood
-from shaftline.mismatch.structure.noise_model import NoiseModel
+from shaftline.mismatch.structure.noise_model import Likelihood, NoiseModel
 
 ROWS, INTERVAL_S = 4000, 0.1
 FLOOR = np.array([1e-3, 1e-3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shaftline.mismatch.search.placed import Placed
+from shaftline.mismatch.search.catalogue import Placed
 
 from .rigs import COULOMB, INERTIA, effects, motor, problem, run
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from shaftline.mismatch.simulate.joint_replay import JointReplay
-from shaftline.mismatch.structure.priors import WIDE, WRONG, Prior, parameter_priors
+from shaftline.mismatch.structure.model import WIDE, WRONG, Prior, parameter_priors
 from shaftline.plant import load_ship
 
 from .rigs import INERTIA, motor, run

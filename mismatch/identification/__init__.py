@@ -1,0 +1,1 @@
+"""Estimation of ship parameters from recordings, with their uncertainty."""

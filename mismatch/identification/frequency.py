@@ -1,0 +1,375 @@
+"""Frequency responses: measured ones, and what a ship's linear model says to them.
+
+A response is relative, a deviation of a channel over its mean by a deviation of the demand over its
+own, as in Vrijdag & Martelli 2021. The model is the plant's linear one about the measured working
+point, sampled as the recording is, with the demand held between rows as everywhere in the house.
+
+Numbers of a ship from a frequency response: least squares of complex errors, and in closed form.
+
+Vrijdag & Martelli 2021, eqs. 18 and 19. The balances at the working point are held beside the errors,
+for without them the response knows ratios only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import scipy
+from numpy.typing import NDArray
+
+from ...plant.columns import TIME, drive_column
+from ...plant.linear import linearise
+from ...plant.ship import Ship
+from ...plant.steady_state import Equilibrium
+from .drive_train import DriveTrain, WorkingPoint, drive_train, from_poles, keys_of
+from .free_parameters import Free, refuse_indistinct
+from .results import Found
+from .steady import CURRENT, balances, blade_column, point_at
+
+Complex = NDArray[np.complex128]
+
+STILL = 1e-9
+"""Standard deviation, as a share of the mean, below which only last digits of a channel move."""
+
+SPEED = "shaft_speed_rad_s"
+
+OUTPUTS = {
+    SPEED: "shaft_speed",
+    CURRENT: "motor_current",
+    "shaft_torque_N_m": "shaft_torque",
+    "ship_speed_m_s": "ship_speed",
+}
+"""Columns whose response is looked at, and the linear model's output that answers each."""
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Measured response about one working point.
+
+    Args:
+        demand: its mean, in the unit of the drive's column.
+        means: of the channels, by column; the pitch ratio among them where the blades turn.
+        frequency: [rad/s], shape (n,), rising.
+        response: relative response [-] of each channel, by column, each of shape (n,).
+        error: standard error [-] of real and imaginary part, likewise; NaN where it is not known.
+        interval_s: of the recording [s]; 0 of a response that was not sampled.
+        coherence: squared [-], likewise; empty where the method has none.
+    """
+
+    demand: float
+    means: dict[str, float]
+    frequency: NDArray[np.float64]
+    response: dict[str, Complex]
+    error: dict[str, NDArray[np.float64]]
+    interval_s: float
+    coherence: dict[str, NDArray[np.float64]]
+
+    def table(self) -> pd.DataFrame:
+        """Frequency [rad/s], gain [-], phase [deg], standard error and coherence of each channel."""
+        columns: dict[str, Any] = {"frequency_rad_s": self.frequency}
+        for column, values in self.response.items():
+            name = OUTPUTS[column]
+            columns[f"{name}_gain"] = np.abs(values)
+            columns[f"{name}_phase_deg"] = np.degrees(np.angle(values))
+            columns[f"{name}_standard_error"] = self.error[column]
+            if column in self.coherence:
+                columns[f"{name}_coherence"] = self.coherence[column]
+        return pd.DataFrame(columns)
+
+
+def channels_of(ship: Ship, table: pd.DataFrame, method: str) -> dict[str, NDArray[np.float64]]:
+    """Return the demand and the channels of a recording by column, the demand first.
+
+    A channel other than the shaft speed is left out where it has no relative response: it is constant,
+    as the speed of a hull that is fixed, or its mean is smaller than its standard deviation.
+
+    Raises:
+        ValueError: a drive that holds the shaft's speed, a column that is missing, a shaft that rests or
+            reverses, or a demand without a mean.
+    """
+    demand = drive_column(ship)
+    if not ship.turns_freely:
+        raise ValueError(
+            f"{method}: the drive of {ship.name} holds the shaft's speed, which then answers no demand; "
+            "use --method output-error"
+        )
+    needed = [TIME, demand, SPEED, *(["ship_speed_m_s"] if ship.moves else [])]
+    if lacking := [column for column in needed if column not in table]:
+        raise ValueError(f"{method}: {ship.name} needs {lacking[0]}, which a recording lacks")
+    found = {c: table[c].to_numpy(dtype=np.float64) for c in (demand, *OUTPUTS) if c in table}
+    if found[SPEED].min() * found[SPEED].max() <= 0.0:
+        raise ValueError(
+            f"{method}: the shaft rests or reverses; a frequency response is that of a shaft that turns "
+            "one way all the time"
+        )
+    if found[demand].mean() == 0.0:
+        raise ValueError(f"{method}: {demand} has no mean, so the response has no working point")
+    return {c: v for c, v in found.items() if c in (demand, SPEED) or _responds(v)}
+
+
+def _responds(values: NDArray[np.float64]) -> bool:
+    """Whether a channel has a relative response: it moves, about a mean that is larger than that."""
+    mean, deviation = abs(float(values.mean())), float(values.std())
+    return STILL * mean < deviation < mean
+
+
+def means_of(
+    ship: Ship, table: pd.DataFrame, channels: dict[str, NDArray[np.float64]], rows: slice
+) -> dict[str, float]:
+    """Return the means over some rows of the channels, and of the pitch ratio where the blades turn."""
+    means = {c: float(channels[c][rows].mean()) for c in OUTPUTS if c in channels}
+    blade = blade_column(ship, table)
+    return means | ({} if blade is None else {"pitch_ratio": float(table[blade].iloc[rows].mean())})
+
+
+def interval_of(table: pd.DataFrame) -> float:
+    """Interval of a recording [s]."""
+    time = table[TIME].to_numpy(dtype=np.float64)
+    return float((time[-1] - time[0]) / (len(time) - 1))
+
+
+def held(frequency: Any, interval_s: float) -> Complex:
+    """Response [-] of holding a demand between rows, at frequencies [rad/s]; 1 if not sampled."""
+    turn = 1j * np.asarray(frequency, dtype=np.float64) * interval_s
+    small = np.abs(turn) < 1e-9
+    return np.where(small, 1.0, -np.expm1(-turn) / np.where(small, 1.0, turn))
+
+
+def blurred(values: NDArray[np.float64], interval_s: float, frequency: Any) -> NDArray[np.float64]:
+    """Share [-] of a response that a channel may lack which takes new values now and then.
+
+    An encoder tells the mean speed between two flanks and holds it until the next, which is (sin x /
+    x)^2 with x half the frequency times the time between new values. Whether a channel does both, or
+    only holds, its values do not say; what it may lack is therefore an error and no correction.
+
+    Args:
+        values: of the channel, shape (n,).
+        interval_s: of the recording [s].
+        frequency: [rad/s].
+    """
+    changes = int(np.count_nonzero(np.diff(values)))
+    every = len(values) / max(changes, 1) * interval_s
+    half = np.asarray(frequency, dtype=np.float64) * every / 2.0
+    lacking = 1.0 - np.sinc(np.minimum(half, np.pi) / np.pi) ** 2
+    return lacking if every > 1.5 * interval_s else 0.0 * lacking
+
+
+def point_of(ship: Ship, measured: FrequencyResponse) -> Equilibrium:
+    """The measured working point as one of the plant, whether its balances close there or not."""
+    point, _ = point_at(
+        ship, ship.record(), {drive_column(ship): measured.demand, **measured.means}
+    )
+    return point
+
+
+def slowest_s(ship: Ship, measured: FrequencyResponse) -> float:
+    """Longest time constant [s] of the ship's linear model about the measured point, or 0."""
+    poles = np.real(linearise(ship, point_of(ship, measured), ("shaft_speed",)).poles())
+    return float(1.0 / np.min(-poles[poles < 0.0], initial=np.inf))
+
+
+def modelled(ship: Ship, measured: FrequencyResponse) -> dict[str, Complex]:
+    """Relative response of a ship about the measured point, by column, at the measured frequencies.
+
+    Sampled and held as the measured one; a late speed sensor (``sensors.speed_delay_s``) among it.
+    """
+    columns = list(measured.response)
+    system = linearise(ship, point_of(ship, measured), tuple(OUTPUTS[c] for c in columns))
+    drive = system.input_labels.index("drive")
+    a, c = np.asarray(system.A), np.asarray(system.C)
+    b, d = np.asarray(system.B)[:, [drive]], np.asarray(system.D)[:, [drive]]
+    frequency, interval_s = measured.frequency, measured.interval_s
+    shift = np.asarray(1j * frequency, dtype=np.complex128)
+    if interval_s > 0.0:
+        size = len(a)
+        both = scipy.linalg.expm(np.block([[a, b], [np.zeros((1, size + 1))]]) * interval_s)
+        a, b, shift = both[:size, :size], both[:size, size:], np.exp(shift * interval_s)
+    resolvent = shift[:, None, None] * np.eye(len(a)) - a
+    answer = c @ np.linalg.solve(resolvent, np.broadcast_to(b, (len(shift), *b.shape))) + d
+    answer = answer[:, :, 0] / held(frequency, interval_s)[:, None]
+    found = {}
+    for k, column in enumerate(columns):
+        found[column] = answer[:, k] * measured.demand / measured.means[column]
+    if SPEED in found:
+        found[SPEED] = found[SPEED] * np.exp(-1j * frequency * ship.sensors.speed_delay_s)
+    return found
+
+
+AT_POINT = 1e-3
+"""Share of torque, voltage or force within which the working point's balances close: an excitation of
+5 % shifts the means by half of it."""
+
+FORM = 2e-3
+"""Share of a response within which a linear model can be right, besides its noise."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Numbers that meet a frequency response.
+
+    Args:
+        values: shape (n,).
+        covariance: shape (n, n).
+        misfit: rms of the weighted errors [-]; 1 where noise explains them.
+        steps: cost of the response's errors by evaluation of the search.
+    """
+
+    values: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    misfit: float
+    steps: pd.DataFrame
+
+
+def fit(chosen: Free, measured: FrequencyResponse, method: str) -> Fitted:
+    """Least squares of the complex errors over all channels, the working point's balances held.
+
+    Errors are weighted by what is known of their noise and by :data:`FORM`; where no noise is known,
+    all weigh alike, as in the paper, and what is left tells it.
+
+    Raises:
+        ValueError: numbers that the response does not tell apart.
+    """
+    known = all(np.isfinite(error).all() for error in measured.error.values())
+    weights = {
+        column: 1.0 / np.hypot(measured.error[column], FORM * np.abs(values)) if known else 1.0
+        for column, values in measured.response.items()
+    }
+    point = pd.DataFrame([{drive_column(chosen.ship): measured.demand, **measured.means}])
+    closing = AT_POINT * _sizes(chosen.ship, measured, list(balances(chosen.ship, point)))
+    costs: list[float] = []
+
+    def residual(values: Any) -> NDArray[np.float64]:
+        ship = chosen.on(values * chosen.scale)
+        answer = modelled(ship, measured)
+        errors = [weights[c] * (answer[c] - measured.response[c]) for c in answer]
+        parts = np.concatenate([part for error in errors for part in (error.real, error.imag)])
+        costs.append(float(np.sum(parts**2)))
+        left = np.concatenate(list(balances(ship, point).values()))
+        return np.concatenate([parts, left / closing])
+
+    low, high = (bound / chosen.scale for bound in chosen.bounds)
+    best: Any = None
+    starts = [s for s in _starts(chosen, measured) if np.isfinite(residual(s / chosen.scale)).all()]
+    if not starts:
+        raise ValueError(
+            f"{method}: the linear model of {chosen.ship.name} has no finite response with its file's "
+            "parameters; check the ship file against the recording"
+        )
+    for start in starts:
+        tried = scipy.optimize.least_squares(
+            residual, np.clip(start / chosen.scale, low, high), bounds=(low, high), x_scale="jac",
+            xtol=1e-12, ftol=1e-12, gtol=1e-12,
+        )  # fmt: skip
+        if best is None or tried.cost < best.cost:
+            best = tried
+    refuse_indistinct(chosen.keys, best.jac, method)
+    freedom = max(len(best.fun) - len(best.x), 1)
+    variance = float(np.sum(best.fun**2)) / freedom
+    if known:
+        variance = max(variance, 1.0)
+    unit = np.linalg.inv(best.jac.T @ best.jac)
+    return Fitted(
+        best.x * chosen.scale, variance * unit * np.outer(chosen.scale, chosen.scale),
+        float(np.sqrt(np.mean(best.fun[: -len(closing)] ** 2))),
+        pd.DataFrame({"evaluation": np.arange(len(costs)), "cost": costs}),
+    )  # fmt: skip
+
+
+def _sizes(ship: Ship, measured: FrequencyResponse, names: list[str]) -> NDArray[np.float64]:
+    """Size of what stands on either side of each balance at the working point."""
+    outputs = point_of(ship, measured).outputs
+    size = {
+        "motor": abs(measured.demand),
+        "shaft": abs(float(outputs.brake_torque)),
+        "hull": abs(float(outputs.resistance)),
+    }
+    return np.array([size[name] for name in names])
+
+
+def _starts(chosen: Free, measured: FrequencyResponse) -> list[NDArray[np.float64]]:
+    """Where the search begins: at the file's numbers, and at those of the closed form."""
+    starts = [chosen.start]
+    closed = closed_form(chosen.ship, measured)
+    if closed is not None:
+        values = keys_of(chosen.ship, closed[0])
+        pairs = zip(chosen.keys, chosen.start, strict=True)
+        starts.append(np.array([values.get(key, start) for key, start in pairs]))
+    return starts
+
+
+def closed_form(
+    ship: Ship, measured: FrequencyResponse
+) -> tuple[DriveTrain, dict[str, float]] | None:
+    """The drive train whose poles, zero and steady gains meet the response best.
+
+    Args:
+        ship: where the search for the five begins, and its known viscous friction and delay.
+        measured: with the motor's current.
+
+    Returns:
+        The six numbers, and the five of the Bode plots: ``s1``, ``s2``, ``z1`` [rad/s], ``speed_gain``,
+        ``current_gain`` [-]. None of a ship that is no drive train or whose current was not measured,
+        or where the five are not those of one.
+    """
+    if not ship.has_voltage or ship.moves or CURRENT not in measured.response:
+        return None
+    ratio = ship.transmission.gear_ratio
+    point = WorkingPoint(measured.demand, measured.means[SPEED] * ratio, measured.means[CURRENT])
+    linear = drive_train(ship).linear(point)
+    fast, slow = (max(-pole.real, 1e-3) for pole in linear.poles)
+    zero = -linear.zero if linear.zero < 0.0 else slow / 3.0
+    gains = max(linear.speed_gain, 0.1), max(linear.current_gain, 0.1)
+    start = np.log([min(fast, 20.0 * measured.frequency[-1]), slow, zero, *gains])
+    s = 1j * measured.frequency
+    late = np.exp(-s * ship.sensors.speed_delay_s)
+
+    def residual(logs: Any) -> NDArray[np.float64]:
+        s1, s2, z1, speed, current = np.exp(logs)
+        both = 1.0 / ((1.0 + s / s1) * (1.0 + s / s2))
+        errors = np.concatenate(
+            [
+                speed * both * late - measured.response[SPEED],
+                current * (1.0 + s / z1) * both - measured.response[CURRENT],
+            ]
+        )
+        return np.concatenate([errors.real, errors.imag])
+
+    s1, s2, z1, speed, current = map(
+        float, np.exp(scipy.optimize.least_squares(residual, start, x_scale=0.1).x)
+    )
+    five = {"s1": -s1, "s2": -s2, "z1": -z1, "speed_gain": speed, "current_gain": current}
+    train = from_poles(-s1, -s2, -z1, speed, current, point, drive_train(ship).viscous)
+    sizes = (train.inductance, train.constant, train.resistance, train.inertia, train.load)
+    return (train, five) if min(sizes) > 0.0 and train.friction >= 0.0 else None
+
+
+def found_by(method: str, chosen: Free, measured: FrequencyResponse) -> Found:
+    """What a frequency response tells, with all that led there.
+
+    Raises:
+        ValueError: numbers that the response does not tell apart.
+    """
+    fitted = fit(chosen, measured, method)
+    ship = chosen.on(fitted.values)
+    answer = replace(measured, response=modelled(ship, measured), coherence={}).table()
+    model = answer[[name for name in answer if name.endswith(("_gain", "_phase_deg"))]]
+    tables = {
+        "frequency-response": pd.concat([measured.table(), model.add_suffix("_model")], axis=1),
+        "search": fitted.steps,
+    }
+    closed = closed_form(ship, measured)
+    if closed is not None:
+        rows = closed[1] | keys_of(ship, closed[0])
+        tables["closed-form"] = pd.DataFrame({"number": rows.keys(), "value": rows.values()})
+    unit = ship.prime_mover.demand.unit
+    remark = (
+        f"{len(measured.frequency)} frequencies from {measured.frequency[0]:.3g} to "
+        f"{measured.frequency[-1]:.3g} rad/s about {measured.demand:.4g} {unit}; errors of "
+        f"{fitted.misfit:.2g} of what is expected"
+    )
+    return Found(
+        chosen.keys, tuple(map(float, fitted.values)), fitted.covariance, tables, (remark,)
+    )

@@ -1,0 +1,304 @@
+"""Frequency response by correlation with sines, and the numbers that meet it (method 4, eqs. 33 to 39).
+
+A recording holds one sine of the demand about its mean, or several one after the other. Of each, the
+start is left out in which the plant comes to its steady swing, whole periods are kept, and demand and
+channels are correlated with sine and cosine. The spread from period to period tells the error; a
+constant and a drift are correlated away with them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+from numpy.typing import NDArray
+
+from ...plant.columns import drive_column
+from ...plant.ship import Ship
+from ..estimate import Tick, silent
+from .free_parameters import freed, usual_keys
+from .frequency import (
+    OUTPUTS,
+    FrequencyResponse,
+    blurred,
+    channels_of,
+    found_by,
+    held,
+    interval_of,
+    means_of,
+    slowest_s,
+)
+from .results import Found
+
+METHOD = "sine"
+FADED = 8.0
+"""Time constants of the slowest pole after which a start is forgotten: 3e-4 of it is left."""
+
+PURE = 0.1
+"""Most that a demand may differ from a sine, rms over rms."""
+
+FEWEST = 8
+"""Rows below which no sine is told."""
+
+SAME_POINT = 0.03
+"""Share by which the working points of sines may differ that are taken together."""
+
+
+class Excitation(NamedTuple):
+    """One sine of the demand in a recording."""
+
+    begin: int  # row
+    end: int  # behind the last row
+    frequency: float  # [rad/s]
+
+
+def sine(
+    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    tick: Tick = silent,
+) -> Found:  # fmt: skip
+    """Numbers of a ship from its answer to sines of the demand.
+
+    Args:
+        ship: start of the search, and the numbers that are not free; its slowest pole says how long a
+            start takes to fade.
+        tables: recordings in canonical columns at an even interval, with one or more sines of the
+            demand about one working point. Looked at: ``shaft_speed_rad_s`` (needed),
+            ``motor_current_A``, ``shaft_torque_N_m``, ``ship_speed_m_s``.
+        free: dotted keys; those of :func:`.free.usual_keys` by default, which are the paper's six on a
+            direct-current motor at bollard pull. ``sensors.speed_delay_s`` may be among them.
+        tick: told how far it is.
+
+    Returns:
+        Values by least squares of complex errors, covariance from the spread between periods and from
+        what is left. Tables: ``frequency-response`` measured and of the found ship, ``search`` its
+        cost, and of a drive train ``closed-form``, the same numbers read off poles, zero and steady
+        gains.
+
+    Raises:
+        ValueError: a column is missing, no sine, too few periods of it, several working points, a shaft
+            that rests or reverses, or numbers that the response does not tell apart.
+    """
+    chosen = freed(ship, free, usual_keys(ship, response=True))
+    measured = sine_response(ship, tables, tick)
+    return found_by(METHOD, chosen, measured)
+
+
+def sine_response(
+    ship: Ship, tables: Iterable[pd.DataFrame], tick: Tick = silent
+) -> FrequencyResponse:
+    """Frequency response by correlation; see :func:`sine`.
+
+    Raises:
+        ValueError: as there.
+    """
+    tables = list(tables)
+    parts: list[FrequencyResponse] = []
+    for number, table in enumerate(tables, 1):
+        channels = channels_of(ship, table, METHOD)
+        excitations = sines(channels[drive_column(ship)], interval_of(table))
+        parts += [_correlated(ship, table, channels, one) for one in excitations]
+        tick(METHOD, number, len(tables))
+    if not parts:
+        raise ValueError(
+            f"{METHOD}: no sine of {drive_column(ship)} in the recording; it needs at least two periods "
+            "of one frequency about a mean"
+        )
+    return _together(parts)
+
+
+def sines(demand: NDArray[np.float64], interval_s: float) -> list[Excitation]:
+    """The sines of a demand: runs of half periods of one length, told by its crossings of the mean.
+
+    Args:
+        demand: of a recording, shape (n,).
+        interval_s: its interval [s].
+    """
+    found: list[Excitation] = []
+    for begin, end in _runs(_crossings(demand - _middle(demand))):
+        least = found[-1].end if found else 0
+        begin = max(begin, least)
+        frequency = _frequency(demand[begin:end], interval_s)
+        if frequency is not None:
+            half = round(math.pi / frequency / interval_s)
+            wide = slice(max(begin - half, least), min(end + half, len(demand)))
+            before, behind = _alike(demand, wide, begin, end, frequency * interval_s)
+            found.append(Excitation(begin - before, end + behind, frequency))
+    return found
+
+
+def _middle(demand: NDArray[np.float64]) -> float:
+    return 0.5 * float(np.quantile(demand, 0.02) + np.quantile(demand, 0.98))
+
+
+def _crossings(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows, between samples, where a deviation goes through 0, clearly on one side before and after."""
+    clear = 0.25 * float(np.quantile(np.abs(deviation), 0.9))
+    if clear <= 0.0:
+        return np.empty(0)
+    known = np.flatnonzero(np.abs(deviation) > clear)
+    side = np.sign(deviation[known])
+    found = []
+    for turn in np.flatnonzero(side[1:] != side[:-1]):
+        a, b = known[turn], known[turn + 1]
+        last = a + int(np.flatnonzero(deviation[a : b + 1] * side[turn] >= 0.0)[-1])
+        low, high = deviation[last], deviation[last + 1]
+        found.append(last - low / (high - low))
+    return np.array(found)
+
+
+def _runs(crossings: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Rows of runs of at least two half periods of one length."""
+    halves = np.diff(crossings)
+    found, first = [], 0
+    for k in range(1, len(halves) + 1):
+        usual = float(np.median(halves[first:k]))
+        if k == len(halves) or abs(halves[k] - usual) > max(0.1 * usual, 2.0):
+            if k - first >= 2:
+                found.append((math.ceil(crossings[first]), math.floor(crossings[k]) + 1))
+            first = k
+    return found
+
+
+def _alike(
+    demand: NDArray[np.float64], wide: slice, begin: int, end: int, turn: float
+) -> tuple[int, int]:
+    """Rows before ``begin`` and behind ``end``, within ``wide``, in which the sine is there too."""
+    time = np.arange(wide.start, wide.stop) * turn
+    basis = np.column_stack([np.ones(len(time)), np.cos(time), np.sin(time)])
+    inner = slice(begin - wide.start, end - wide.start)
+    fitted = np.linalg.lstsq(basis[inner], demand[begin:end], rcond=None)[0]
+    away = np.abs(demand[wide] - basis @ fitted) > 2.0 * PURE * float(np.hypot(*fitted[1:]))
+    before, behind = away[: inner.start][::-1], away[inner.stop :]
+    return (
+        int(np.argmax(before)) if before.any() else len(before),
+        int(np.argmax(behind)) if behind.any() else len(behind),
+    )
+
+
+def _basis(rows: int, frequency: float, interval_s: float) -> NDArray[np.float64]:
+    """Constant, drift, cosine and sine over rows."""
+    time = np.arange(rows) * interval_s
+    drift = np.linspace(-1.0, 1.0, rows)
+    turn = frequency * time
+    return np.column_stack([np.ones(rows), drift, np.cos(turn), np.sin(turn)])
+
+
+def _phasor(values: NDArray[np.float64], basis: NDArray[np.float64]) -> tuple[complex, float]:
+    """Complex amplitude of the part exp(j w t), and the mean (eqs. 33 to 37 without their division)."""
+    mean, _, cosine, sine_part = np.linalg.lstsq(basis, values, rcond=None)[0]
+    return complex(cosine, -sine_part), float(mean)
+
+
+def _frequency(demand: NDArray[np.float64], interval_s: float) -> float | None:
+    """Frequency [rad/s] of a demand over whole periods; None of one that is no sine."""
+    rows = len(demand)
+    if rows < FEWEST:
+        return None
+    spectrum = np.abs(np.fft.rfft(demand - demand.mean()))
+    strongest = max(int(np.argmax(spectrum)), 1)
+    unit = 2.0 * math.pi / (rows * interval_s)
+
+    def left(frequency: float) -> float:
+        basis = _basis(rows, frequency, interval_s)
+        fitted = basis @ np.linalg.lstsq(basis, demand, rcond=None)[0]
+        return float(np.sum((demand - fitted) ** 2))
+
+    best = scipy.optimize.minimize_scalar(
+        left, bounds=(max(strongest - 1.0, 0.4) * unit, (strongest + 1.0) * unit), method="bounded",
+        options={"xatol": 1e-7 * unit * strongest},
+    )  # fmt: skip
+    swing = float(np.sum((demand - demand.mean()) ** 2))
+    return float(best.x) if left(float(best.x)) < PURE**2 * swing else None
+
+
+def _correlated(
+    ship: Ship, table: pd.DataFrame, channels: dict[str, NDArray[np.float64]], one: Excitation
+) -> FrequencyResponse:
+    """Response at one frequency from the whole periods behind the start."""
+    demand, interval_s = drive_column(ship), interval_of(table)
+    period = 2.0 * math.pi / one.frequency / interval_s  # rows
+    outputs = [column for column in OUTPUTS if column in channels]
+    means = means_of(ship, table, channels, slice(one.begin, one.end))
+    mean = float(channels[demand][one.begin : one.end].mean())
+    empty = np.empty(0)
+    about = FrequencyResponse(mean, means, empty, {}, {}, interval_s, {})
+    start = one.begin + FADED * slowest_s(ship, about) / interval_s
+    periods = math.floor((one.end - start) / period + 1e-6)
+    if periods < 1:
+        raise ValueError(
+            f"{METHOD}: the sine of {one.frequency:.4g} rad/s ends before the start has faded; it must "
+            f"last {(start - one.begin + period) * interval_s:.3g} s, not "
+            f"{(one.end - one.begin) * interval_s:.3g} s"
+        )
+    begin = one.end - round(periods * period)
+    whole = _basis(one.end - begin, one.frequency, interval_s)
+    cause, mean = _phasor(channels[demand][begin : one.end], whole)
+    response, error = {}, {}
+    for column in outputs:
+        answer, level = _phasor(channels[column][begin : one.end], whole)
+        unit = mean / level / cause / held(one.frequency, interval_s)
+        means[column] = level
+        response[column] = np.atleast_1d(answer * unit)
+        scatter = _scatter(channels[column][begin : one.end], whole, periods, period)
+        lacking = blurred(channels[column][begin : one.end], interval_s, one.frequency)
+        error[column] = np.hypot(scatter * abs(unit), lacking * np.abs(response[column]))
+    return FrequencyResponse(
+        mean, means, np.array([one.frequency]), response, error, interval_s, {}
+    )
+
+
+def _scatter(
+    values: NDArray[np.float64], basis: NDArray[np.float64], periods: int, period: float
+) -> float:
+    """Standard error of either part of a phasor.
+
+    From the spread between groups of periods, up to eight groups, where there are three periods; else
+    from what the sine leaves, as if it were white.
+    """
+    groups = min(periods, 8)
+    if groups < 3:
+        left = values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0]
+        return math.sqrt(2.0 * float(np.mean(left**2)) / len(values))
+    edges = [round(g * periods / groups) * period for g in range(groups + 1)]
+    found = []
+    for a, b in itertools.pairwise(edges):
+        rows = slice(round(a), min(round(b), len(values)))
+        found.append(_phasor(values[rows], basis[rows][:, [0, 1, 2, 3]])[0])
+    spread = np.array(found) - np.mean(found)
+    variance = float(np.sum(np.abs(spread) ** 2)) / (groups - 1) / 2.0
+    return math.sqrt(variance / groups)
+
+
+def _together(parts: list[FrequencyResponse]) -> FrequencyResponse:
+    """Responses at single frequencies as one about their common working point.
+
+    Raises:
+        ValueError: other columns or intervals, or other working points.
+    """
+    parts = sorted(parts, key=lambda part: float(part.frequency[0]))
+    first = parts[0]
+    for part in parts:
+        if set(part.response) != set(first.response):
+            raise ValueError(f"{METHOD}: the recordings have different columns")
+        if abs(part.interval_s / first.interval_s - 1.0) > 0.01:
+            raise ValueError(f"{METHOD}: the recordings have different intervals")
+    demand = float(np.mean([part.demand for part in parts]))
+    means = {c: float(np.mean([part.means[c] for part in parts])) for c in first.means}
+    for part in parts:
+        away = abs(part.demand / demand - 1.0)
+        if away > SAME_POINT:
+            raise ValueError(
+                f"{METHOD}: a sine swings about {part.demand:.4g}, the others about {demand:.4g} on "
+                "average; a frequency response has one working point"
+            )
+    return FrequencyResponse(
+        demand, means, np.concatenate([part.frequency for part in parts]),
+        {c: np.concatenate([part.response[c] for part in parts]) for c in first.response},
+        {c: np.concatenate([part.error[c] for part in parts]) for c in first.error},
+        first.interval_s, {},
+    )  # fmt: skip

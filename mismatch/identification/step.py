@@ -1,0 +1,363 @@
+"""Steps of a motor's voltage in a recording, and the two time constants that each tells.
+
+Vrijdag & Martelli 2021, eqs. 29 to 32 and A38 to A45, with three changes:
+
+- their eq. 31 prints tau_omega = -C eta / s_2, where eqs. A26 and A34 ask for -2 C eta / s_2: the
+  printed form finds half the inertia;
+- their eq. 30 is the rise of a linear model. A propeller's torque is quadratic, and the rise then
+  solves a Riccati equation in closed form; the paper's own step of 17 % would otherwise find the
+  inertia 1 to 2 % off;
+- every t* between two shares of the rise counts, where the paper takes the one at 63.2 %.
+
+The six numbers of a drive train from a staircase of voltages (Vrijdag & Martelli 2021, method 1).
+
+The plateaus tell four of them (:mod:`.steady`), the steps between them inertia and inductance
+(:mod:`.transient`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+from numpy.typing import NDArray
+
+from ...plant.columns import drive_column
+from ...plant.ship import Ship
+from ..estimate import Tick, silent
+from .drive_train import (
+    CONSTANT,
+    FRICTION,
+    INDUCTANCE,
+    INERTIA,
+    RESISTANCE,
+    SIX,
+    DriveTrain,
+    drive_train,
+    keys_of,
+    needs_drive_train,
+)
+from .free_parameters import RATIO, Free, UntoldError, freed, usual_keys
+from .frequency import interval_of
+from .results import Found
+from .steady import CURRENT, Plateau, plateaus, solve, steady_states
+
+RISE = (0.45, 0.8)
+"""Shares of the rise between which t* lies."""
+
+SHORT = 1.5
+"""Part of the electric transient that is looked at, in times to 63 % of it."""
+
+SIZES = (0.02, 0.4)
+"""Least and most size of a step, as a share of the voltage: it must stand out, and keep the
+direction."""
+
+
+RAMP_ROWS = 20
+"""Most rows that a supply may take for a step, which then counts from where half of its area is."""
+
+
+class Step(NamedTuple):
+    """One step of the voltage, at the motor's shaft."""
+
+    before: float  # voltage [V]
+    after: float  # voltage [V]
+    speed: float  # before [rad/s]
+    time: NDArray[np.float64]  # since the step [s]
+    share: NDArray[np.float64]  # of the speed's rise [-], shape of time
+    current_rise: NDArray[np.float64] | None  # [A], likewise
+    share_noise: float  # rms before the step [-]
+    current_noise: float  # likewise [A]
+
+
+class Told(NamedTuple):
+    """What one step tells; NaN where it does not."""
+
+    inertia: float  # at the motor [kg m2]
+    inertia_error: float
+    electric_s: float  # tau_em [s]
+    electric_error_s: float
+
+
+def steps(ship: Ship, table: pd.DataFrame) -> list[Step]:
+    """The steps of a recording from one plateau to the next.
+
+    Args:
+        ship: with a direct-current motor.
+        table: canonical columns at an even interval.
+    """
+    found = []
+    for before, after in pairwise(plateaus(ship, table)):
+        if after.begin - before.end <= RAMP_ROWS:
+            one = _step(ship, table, before, after)
+            size = abs(one.after / one.before - 1.0) if one.before != 0.0 else math.inf
+            if SIZES[0] <= size <= SIZES[1] and one.speed > 0.0:
+                found.append(one)
+    return found
+
+
+def _step(ship: Ship, table: pd.DataFrame, before: Plateau, after: Plateau) -> Step:
+    column, shaft = drive_column(ship), "shaft_speed_rad_s"
+    rows, rest = slice(before.end, after.end), slice(before.settled, before.end)
+    supply = table[column].to_numpy(dtype=np.float64)[before.end : after.begin]
+    size = after.means[column] - before.means[column]
+    late = float(np.sum((after.means[column] - supply) / size))  # rows
+    speed = table[shaft].to_numpy(dtype=np.float64)
+    rise = after.means[shaft] - before.means[shaft]
+    current, noise = None, math.nan
+    if CURRENT in table:
+        measured = table[CURRENT].to_numpy(dtype=np.float64)
+        current = measured[rows] - before.means[CURRENT]
+        noise = float(np.std(measured[rest]))
+    return Step(
+        before.means[column],
+        after.means[column],
+        before.means[shaft] * ship.transmission.gear_ratio,
+        (np.arange(after.end - before.end, dtype=np.float64) - late) * interval_of(table),
+        (speed[rows] - before.means[shaft]) / rise,
+        current,
+        float(np.std(speed[rest])) / abs(rise),
+        noise,
+    )
+
+
+def told(train: DriveTrain, one: Step, delay_s: float = 0.0) -> Told:
+    """Inertia and electric time constant that a step tells.
+
+    Args:
+        train: whose frictions, constants and load are known; its inertia and inductance do not matter.
+        one: the step.
+        delay_s: of the speed's signal [s].
+    """
+    inertia, error = _inertia(train, one, delay_s)
+    if one.current_rise is None or not math.isfinite(inertia):
+        return Told(inertia, error, math.nan, math.nan)
+    electric, electric_error = _electric(train, one, inertia)
+    if math.isfinite(
+        electric
+    ):  # the torque, hence the rise, comes that much later than the voltage
+        inertia, error = _inertia(train, one, delay_s + electric)
+    return Told(inertia, error, electric, electric_error)
+
+
+def _inertia(train: DriveTrain, one: Step, late_s: float) -> tuple[float, float]:
+    """Inertia [kg m2] at the motor by the time t* of every share of the rise, and its standard error.
+
+    With M' = K_e^2 / R_a + b the slope and L the load's coefficient, the rise from w_0 to w_1 solves
+    I dw/dt = L (w_1 - w) (w - w_2), D = L (w_1 - w_2): I = D t* / ln((D - L (w_1 - w)) / (1 - share) /
+    (D - L (w_1 - w_0))).
+
+    Encoders and cogging repeat over a turn: of the samples of a rise, a twelfth of its length counts
+    as one.
+    """
+    first, last = (train.equilibrium(voltage).motor_speed for voltage in (one.before, one.after))
+    slope = train.constant**2 / train.resistance + train.viscous + 2.0 * train.load * last  # D
+    width = max(1, int(np.argmax(one.share > 0.6)) // 12)
+    smooth = np.convolve(one.share, np.ones(width) / width, mode="valid")
+    begin = int(np.argmax(smooth > RISE[0]))
+    end = max(int(np.argmax(smooth > RISE[1])), begin + 1)
+    share = smooth[begin:end]
+    when = one.time[begin:end] + 0.5 * (width - 1) * (one.time[1] - one.time[0]) - late_s
+    usable = (share > 0.0) & (share < 1.0) & (when > 0.0)
+    if not usable.any():
+        return math.nan, math.nan
+    share, when = share[usable], when[usable]
+    left = train.load * (last - first)
+    bent = np.log((slope - left * (1.0 - share)) / (slope - left)) - np.log1p(-share)
+    values = slope * when / bent
+    error = one.share_noise * float(np.mean(values / bent / (1.0 - share)))
+    return float(values.mean()), error / math.sqrt(max(1.0, len(values) / width))
+
+
+def _electric(train: DriveTrain, one: Step, inertia: float) -> tuple[float, float]:
+    """tau_em [s] by eq. 32 over the samples of the electric transient, and its standard error."""
+    assert one.current_rise is not None
+    point = train.equilibrium(one.before)
+    model = train.linear(point)
+    slope = train.constant**2 / train.resistance + train.viscous
+    slow = -(slope + 2.0 * train.load * point.motor_speed) / inertia  # s_2
+    size = one.after / one.before - 1.0
+    current = one.current_rise / point.current / size
+    band = current + model.current_gain * np.expm1(slow * one.time)  # less the low-pass part
+    first = int(np.argmax(one.time > 0.0))
+    time, seen = one.time[first:], band[first:]
+    crossed = np.flatnonzero(seen > 0.632 * model.drive)
+    over = model.drive * math.exp(slow * time[0])  # what the first sample has if it comes too late
+    if not len(crossed) or seen[0] > 0.98 * over:
+        return math.nan, math.nan
+    reached = SHORT * time[int(crossed[0])]
+    inside = slice(0, max(1, int(np.sum(time <= reached))))
+    time, seen = time[inside], seen[inside]
+
+    def passed(electric: float) -> NDArray[np.float64]:
+        fading = np.exp(slow * time) - np.exp(-time / electric)
+        return np.asarray(model.drive * fading / (1.0 + slow * electric))
+
+    best = scipy.optimize.minimize_scalar(
+        lambda log: float(np.sum((seen - passed(math.exp(log))) ** 2)), method="bounded",
+        bounds=(math.log(time[0] / 12.0), math.log(min(0.2 / abs(slow), 20.0 * reached))),
+        options={"xatol": 1e-10},
+    )  # fmt: skip
+    electric = math.exp(float(best.x))
+    steep = (passed(1.001 * electric) - passed(electric)) / (0.001 * electric)
+    noise = one.current_noise / abs(point.current * size)
+    return electric, noise / max(float(np.linalg.norm(steep)), 1e-300)
+
+
+METHOD = "step"
+STEADY = (FRICTION, CONSTANT, RESISTANCE, *RATIO)
+"""Numbers that the plateaus tell; the steps tell the other two."""
+
+
+def step(
+    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    tick: Tick = silent,
+) -> Found:  # fmt: skip
+    """Numbers of a drive train from steady states and the steps between them.
+
+    Args:
+        ship: a direct-current motor, its hull fixed; start of the search, and the numbers that are not
+            free.
+        tables: recordings in canonical columns at an even interval in which the voltage steps from
+            plateau to plateau. Needed: ``motor_voltage_V``, ``shaft_speed_rad_s``, and
+            ``motor_current_A`` but for the inertia alone.
+        free: dotted keys among the paper's six, which are the default; its four steady ones from three
+            plateaus or more, inertia and inductance from one step or more.
+        tick: told how far it is.
+
+    Returns:
+        Values; the covariance is that of the plateaus' balances, carried on into inertia and
+        inductance, and in these the spread between steps (three or more), or the noise before the
+        step. Tables: ``steps`` with what each tells, and ``steady-states``.
+
+    Raises:
+        ValueError: no such drive train, a key that the method does not find, a column that is missing,
+            no step, too few plateaus, or a recording too slow for the inductance.
+    """
+    needs_drive_train(ship, METHOD)
+    chosen = freed(ship, free, usual_keys(ship, response=True))
+    if strange := [key for key in chosen.keys if key not in {*SIX, *RATIO}]:
+        raise ValueError(f"{METHOD}: does not find {strange[0]}; it finds {', '.join(SIX)}")
+    tables = list(tables)
+    currentless = [key for key in chosen.keys if key != INERTIA]
+    if currentless and any(CURRENT not in table for table in tables):
+        raise UntoldError(
+            f"{METHOD}: {currentless[0]} needs {CURRENT}, which a recording lacks", currentless[:1],
+            chosen.keys,
+        )  # fmt: skip
+    states = steady_states(ship, tables)
+    found = [one for table in tables for one in steps(ship, table)]
+    if not found:
+        raise ValueError(
+            f"{METHOD}: no step of {drive_column(ship)} from one steady state to another, of "
+            f"{100 * SIZES[0]:g} to {100 * SIZES[1]:g} % of it"
+        )
+    tick(METHOD, 1, 3)
+    still = [key for key in chosen.keys if key in STEADY]
+    moving = [key for key in chosen.keys if key not in STEADY]
+    part = freed(ship, still, ()) if still else None
+    values, covariance = np.empty(0), np.empty((0, 0))
+    if part is not None:
+        values, covariance = solve(part, states)
+    tick(METHOD, 2, 3)
+    base = ship if part is None else part.on(values)
+    tells = _tells(base, found)
+    if INDUCTANCE in moving and all(math.isnan(one.electric_s) for one in tells):
+        raise UntoldError(
+            f"{METHOD}: {INDUCTANCE}: no sample falls into the electric transient; one every "
+            f"{interval_of(tables[0]):g} s is too slow for it", [INDUCTANCE], chosen.keys,
+        )  # fmt: skip
+    passed = _carried(part, values, found, moving)
+    own = _own_covariance(base, tells, moving)
+    joint = np.block(
+        [
+            [covariance, covariance @ passed.T],
+            [passed @ covariance, passed @ covariance @ passed.T + own],
+        ]
+    )
+    order = [[*still, *moving].index(key) for key in chosen.keys]
+    every = np.concatenate([values, _means(base, tells, moving)])[order]
+    tick(METHOD, 3, 3)
+    return Found(
+        chosen.keys, tuple(map(float, every)), joint[np.ix_(order, order)],
+        {"steps": _table(found, tells), "steady-states": states},
+        (f"{len(found)} step(s) between {len(states)} steady states",),
+    )  # fmt: skip
+
+
+def _tells(base: Ship, found: list[Step]) -> list[Told]:
+    train = drive_train(base)
+    return [told(train, one, base.sensors.speed_delay_s) for one in found]
+
+
+def _by_step(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[np.float64]:
+    """Inertia and inductance as keys by what each step tells, shape (steps, keys)."""
+    train = drive_train(base)
+    rows = []
+    for one in tells:
+        own = replace(train, inductance=one.electric_s * train.resistance, inertia=one.inertia)
+        values = keys_of(base, own)
+        rows.append([values[key] for key in keys])
+    return np.array(rows).reshape(len(tells), len(keys))
+
+
+def _means(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[np.float64]:
+    return np.asarray(np.nanmean(_by_step(base, tells, keys), axis=0)) if keys else np.empty(0)
+
+
+def _own_covariance(base: Ship, tells: list[Told], keys: list[str]) -> NDArray[np.float64]:
+    """Of inertia and inductance, by the steps alone."""
+    rows = _by_step(base, tells, keys)
+    variances = []
+    for k, key in enumerate(keys):
+        sound = rows[np.isfinite(rows[:, k]), k]
+        if len(sound) >= 3:
+            variances.append(float(np.var(sound, ddof=1)) / len(sound))
+            continue
+        shares = [
+            one.inertia_error / one.inertia
+            if key == INERTIA
+            else one.electric_error_s / one.electric_s
+            for one in tells
+        ]
+        share = float(np.nanmean(np.square(shares))) / len(sound)
+        variances.append(share * float(sound.mean()) ** 2)
+    return np.diag(variances) if keys else np.empty((0, 0))
+
+
+def _carried(
+    part: Free | None, values: NDArray[np.float64], found: list[Step], keys: list[str]
+) -> NDArray[np.float64]:
+    """Change of inertia and inductance with the steady numbers, shape (keys, steady numbers)."""
+    columns: list[Any] = []
+    for i, size in enumerate(part.scale if part is not None else ()):
+        assert part is not None
+        ends = []
+        for shift in (1e-4 * size, -1e-4 * size):
+            shifted = values.copy()
+            shifted[i] += shift
+            base = part.on(shifted)
+            ends.append(_means(base, _tells(base, found), keys))
+        columns.append((ends[0] - ends[1]) / (2e-4 * size))
+    return np.array(columns).T.reshape(len(keys), len(columns))
+
+
+def _table(found: list[Step], tells: list[Told]) -> pd.DataFrame:
+    return pd.DataFrame(
+        [
+            {
+                "before_V": one.before,
+                "after_V": one.after,
+                "motor_speed_rad_s": one.speed,
+                "motor_inertia_kg_m2": tell.inertia,
+                "tau_em_s": tell.electric_s,
+            }
+            for one, tell in zip(found, tells, strict=True)
+        ]
+    )

@@ -1,0 +1,251 @@
+"""Frequency response from noise on the demand, and the numbers that meet it (method 5, eq. 40).
+
+H = S_xy / S_xx from overlapping windowed segments (Welch 1967), with the coherence that says how much
+of the answer the demand explains. A long segment sees low frequencies and a short one averages more
+often, so every part of the spectrum is taken from segments as long as it needs, and neighbouring lines
+are joined. The step from response to numbers, which the paper leaves for later, is that of the sine
+method.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+from numpy.typing import NDArray
+
+from ...plant.columns import drive_column
+from ...plant.ship import Ship
+from ..estimate import Tick, silent
+from .free_parameters import freed, usual_keys
+from .frequency import (
+    OUTPUTS,
+    FrequencyResponse,
+    blurred,
+    channels_of,
+    found_by,
+    held,
+    interval_of,
+    means_of,
+    slowest_s,
+)
+from .results import Found
+
+METHOD = "welch"
+SEGMENTS = 3
+"""Segments, not counting the overlap, that the lowest frequencies are averaged over at least."""
+
+SHORTER = 4
+"""Length of a segment over that of the next part of the spectrum."""
+
+PERIODS = 6
+"""Periods that a segment holds of the lowest frequency that is taken from it; the longest are used
+down to one."""
+
+MEMORY = 20.0
+"""Shortest segment in time constants of the ship: what came before a segment must not matter in it."""
+
+PER_DECADE = 12
+"""Frequencies of the response."""
+
+COHERENT = 0.5
+"""Least coherence (squared) of what is kept for the fit."""
+
+DRIVEN = 0.01
+"""Least power of the demand at a frequency, as a share of its highest density."""
+
+FLAT = 0.5
+"""Most of a demand's power that may stand in the strongest hundredth of its lines, for it to be
+noise."""
+
+OVERLAPPED = 0.53
+"""Independent averages per segment at half overlap with Hann's window (Welch 1967)."""
+
+
+def welch(
+    ship: Ship, tables: Iterable[pd.DataFrame], free: Sequence[str] | None = None,
+    tick: Tick = silent,
+) -> Found:  # fmt: skip
+    """Numbers of a ship from its answer to noise on the demand.
+
+    Args:
+        ship: start of the search, and the numbers that are not free.
+        tables: recordings in canonical columns at an even interval, with noise on the demand about one
+            working point, one to two minutes or more; equal columns and intervals. Looked at:
+            ``shaft_speed_rad_s`` (needed), ``motor_current_A``, ``shaft_torque_N_m``,
+            ``ship_speed_m_s``.
+        free: dotted keys; those of :func:`.free.usual_keys` by default, which are the paper's six on a
+            direct-current motor at bollard pull. ``sensors.speed_delay_s`` may be among them.
+        tick: told how far it is.
+
+    Returns:
+        Values by least squares of complex errors, covariance from the coherence and from what is left.
+        Tables as of :func:`shaftline.mismatch.identification.sine.sine`, with the coherence.
+
+    Raises:
+        ValueError: a column is missing, the demand is no noise, a shaft that rests or reverses, nothing
+            coherent, or numbers that the response does not tell apart.
+    """
+    chosen = freed(ship, free, usual_keys(ship, response=True))
+    return found_by(METHOD, chosen, coherent(noise_response(ship, tables, tick)))
+
+
+def noise_response(
+    ship: Ship, tables: Iterable[pd.DataFrame], tick: Tick = silent
+) -> FrequencyResponse:
+    """Frequency response by Welch's method, all of it; see :func:`welch`.
+
+    Raises:
+        ValueError: as there.
+    """
+    tables = list(tables)
+    if not tables:
+        raise ValueError(f"{METHOD}: no recording")
+    demand = drive_column(ship)
+    runs = [channels_of(ship, table, METHOD) for table in tables]
+    interval_s = interval_of(tables[0])
+    for run, table in zip(runs, tables, strict=True):
+        if set(run) != set(runs[0]) or abs(interval_of(table) / interval_s - 1.0) > 0.01:
+            raise ValueError(f"{METHOD}: the recordings have different columns or intervals")
+        if not _is_noise(run[demand]):
+            raise ValueError(
+                f"{METHOD}: {demand} is no noise; most of its power stands in few lines of the "
+                "spectrum, as that of steps or sines does"
+            )
+    whole = {c: np.concatenate([run[c] for run in runs]) for c in runs[0]}
+    level = {c: float(values.mean()) for c, values in whole.items()}
+    relative = [{c: run[c] / level[c] - 1.0 for c in run} for run in runs]
+    outputs = [c for c in OUTPUTS if c in whole]
+    each = [
+        means_of(ship, table, run, slice(None)) for run, table in zip(runs, tables, strict=True)
+    ]
+    rows = [len(table) for table in tables]
+    means = {c: float(np.average([one[c] for one in each], weights=rows)) for c in each[0]}
+    about = FrequencyResponse(level[demand], means, np.empty(0), {}, {}, interval_s, {})
+    shortest = round(MEMORY * slowest_s(ship, about) / interval_s)
+    bands = _bands(min(len(run[demand]) for run in runs), max(shortest, 64), interval_s)
+    lines: list[_Line] = []
+    for done, (length, low, high) in enumerate(bands, 1):
+        lines += _band(relative, demand, outputs, length, low, high, interval_s)
+        tick(METHOD, done, len(bands))
+    if not lines:
+        raise ValueError(
+            f"{METHOD}: recordings of {min(rows) * interval_s:.4g} s hold no segments of "
+            f"{max(shortest, 64) * interval_s:.4g} s, which is {MEMORY:g} time constants of "
+            f"{ship.name}; record for longer"
+        )
+    density = max(line.density for line in lines)
+    lines = [line for line in lines if line.density >= DRIVEN * density]
+    frequency = np.array([line.frequency for line in lines])
+    parts = {c: np.array([line.answers[c] for line in lines]) for c in outputs}
+    lacking = {c: blurred(whole[c], interval_s, frequency) for c in outputs}
+    return replace(
+        about, frequency=frequency,
+        response={c: part[:, 0] / held(frequency, interval_s) for c, part in parts.items()},
+        error={
+            c: np.hypot(part[:, 1].real, lacking[c] * np.abs(part[:, 0])) for c, part in parts.items()
+        },
+        coherence={c: part[:, 2].real for c, part in parts.items()},
+    )  # fmt: skip
+
+
+def coherent(measured: FrequencyResponse) -> FrequencyResponse:
+    """The frequencies at which some channel is coherent with the demand; what is not counts for
+    nothing.
+
+    Raises:
+        ValueError: none is.
+    """
+    clear = {c: values >= COHERENT for c, values in measured.coherence.items()}
+    kept = np.any(list(clear.values()), axis=0)
+    if not kept.any():
+        raise ValueError(
+            f"{METHOD}: no channel answers the demand with a coherence of {COHERENT:g} at any frequency"
+        )
+    deaf = 1e6  # an error so large that what is not coherent has no weight
+    return FrequencyResponse(
+        measured.demand, measured.means, measured.frequency[kept],
+        {c: v[kept] for c, v in measured.response.items()},
+        {c: np.where(clear[c], v, deaf)[kept] for c, v in measured.error.items()},
+        measured.interval_s, {c: v[kept] for c, v in measured.coherence.items()},
+    )  # fmt: skip
+
+
+def _is_noise(demand: NDArray[np.float64]) -> bool:
+    power = np.abs(np.fft.rfft(demand - demand.mean())) ** 2
+    total = float(power.sum())
+    if total <= 1e-20 * float(np.sum(demand**2)) * len(demand):
+        return False
+    strongest = np.sort(power)[-max(1, len(power) // 100) :]
+    occupied = int(np.sum(power > 1e-3 * power.max()))
+    return float(strongest.sum()) < FLAT * total or occupied > len(power) // 50
+
+
+def _bands(rows: int, shortest: int, interval_s: float) -> list[tuple[int, float, float]]:
+    """Length of the segments [rows], lowest and highest frequency [rad/s], from the lowest part on."""
+    length, found = rows // SEGMENTS, []
+    low, top = 1.9 * math.pi / (length * interval_s), 0.8 * math.pi / interval_s
+    while low < top:
+        shorter = length // SHORTER
+        last = shorter < shortest
+        high = top if last else min(2.0 * math.pi * PERIODS / (shorter * interval_s), top)
+        found.append((length, low, high))
+        length, low = shorter, high
+    return found
+
+
+class _Line(NamedTuple):
+    """Response at one frequency, from several lines of the spectrum joined."""
+
+    frequency: float  # [rad/s]
+    density: float  # of the demand's power
+    answers: dict[str, tuple[complex, float, float]]  # response, standard error, coherence
+
+
+def _band(
+    runs: list[dict[str, NDArray[np.float64]]], demand: str, outputs: list[str], length: int,
+    low: float, high: float, interval_s: float,
+) -> list[_Line]:  # fmt: skip
+    """Responses of one part of the spectrum."""
+    window = scipy.signal.get_window("hann", length)
+    lines = 2.0 * math.pi * np.fft.rfftfreq(length, interval_s)
+    spectra: dict[str, list[NDArray[np.complex128]]] = {c: [] for c in (demand, *outputs)}
+    for run in runs:
+        for begin in range(0, len(run[demand]) - length + 1, max(1, length // 2)):
+            for column, parts in spectra.items():
+                values = run[column][begin : begin + length]
+                parts.append(np.fft.rfft(window * (values - values.mean())))
+    stacked = {c: np.array(parts) for c, parts in spectra.items()}
+    count = max(round(PER_DECADE * math.log10(high / low)), 1)
+    edges = low * (high / low) ** (np.arange(count + 1) / count)
+    found = []
+    for a, b in itertools.pairwise(edges):
+        inside = np.flatnonzero((lines >= a) & (lines < b))
+        if not len(inside):
+            continue
+        cause = stacked[demand][:, inside]
+        input_power = float(np.sum(np.abs(cause) ** 2))
+        weight = np.sum(np.abs(cause) ** 2, axis=0)
+        frequency = float(np.sum(weight * lines[inside]) / max(weight.sum(), 1e-300))
+        # lines of one window overlap: two thirds of them are independent
+        averages = max(1.0, OVERLAPPED * len(cause) * max(1.0, len(inside) * 2.0 / 3.0))
+        answers = {}
+        for column in outputs:
+            answer = stacked[column][:, inside]
+            cross = complex(np.sum(np.conj(cause) * answer))
+            power = float(np.sum(np.abs(answer) ** 2))
+            gamma = min(abs(cross) ** 2 / max(input_power * power, 1e-300), 1.0)
+            gain = cross / max(input_power, 1e-300)
+            spread = (1.0 - gamma) / max(gamma, 1e-12) / (2.0 * averages)
+            answers[column] = (gain, abs(gain) * math.sqrt(spread), gamma)
+        density = (
+            input_power / cause.size / length
+        )  # of a windowed sum, which grows with the length
+        found.append(_Line(frequency, density, answers))
+    return found

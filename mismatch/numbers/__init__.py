@@ -1,1 +1,0 @@
-"""The numbers of a ship's file from recordings, with their uncertainty."""

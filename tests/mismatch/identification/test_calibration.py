@@ -1,0 +1,91 @@
+"""Numbers from a healthy period: what is told is found, what is not stays, with a word."""
+
+from __future__ import annotations
+
+import functools
+
+import pandas as pd
+import pytest
+
+from shaftline.mismatch import Options, diagnose
+from shaftline.mismatch.calibration import calibrated
+from shaftline.mismatch.identification.start import Start
+from shaftline.plant import Ship
+
+from ..voyages import frigate_voyage, quick_frigate
+
+RESISTANCE = "hull.resistance_coefficient_N_s2_m2"
+INERTIA = "transmission.inertia_engine_side_kg_m2"
+TRUE = {RESISTANCE: 1.05 * 3306.2, INERTIA: 0.9 * 53697.0}
+
+
+def true_ship() -> Ship:
+    return quick_frigate().with_values(TRUE)
+
+
+@functools.cache
+def healthy() -> pd.DataFrame:
+    return frigate_voyage(true_ship(), seed=21, seconds=400.0)
+
+
+@functools.cache
+def start() -> Start:
+    return calibrated(quick_frigate(), [healthy()], (RESISTANCE, INERTIA))
+
+
+def test_the_numbers_of_the_healthy_period_are_those_of_the_ship() -> None:
+    found = start()
+    assert found.calibrated == (RESISTANCE, INERTIA)
+    assert found.file == quick_frigate()
+    assert not found.left
+    for key, value in TRUE.items():
+        error = found.ship.tolerances.numbers[key]
+        assert 0.0 < error < 0.01 * value
+        assert abs(found.ship.number(key).value - value) < 4.0 * error
+    assert 0.0 < abs(found.ship.tolerances.correlation(RESISTANCE, INERTIA)) < 1.0
+
+
+def test_what_a_wrong_number_hid_or_feigned_is_then_told() -> None:
+    """The file's resistance is 5 % low: alone it feigns fouling, and adds to a true one."""
+    fouled = frigate_voyage(
+        true_ship().with_values({"hull.fouling_fraction": 0.1}), seed=22, seconds=400.0
+    )
+    sound = frigate_voyage(true_ship(), seed=23, seconds=400.0)
+    assert diagnose(quick_frigate(), sound).verdict != "nothing-missing"
+    assert diagnose(start(), sound).verdict == "nothing-missing"
+    found = diagnose(start(), fouled)
+    assert [f.effect.id for f in found.findings] == ["hull-fouling"]
+    assert found.findings[0].estimates[0].value == pytest.approx(0.1, abs=0.01)
+    assert found.wrong == [None]  # the resistance was right on the healthy period
+    assert found.ship == start().ship
+    numbers = found.to_dict()["numbers"]
+    assert numbers[RESISTANCE]["file"] == 3306.2
+    assert numbers[RESISTANCE]["source"] == "calibrated"
+    assert numbers[RESISTANCE]["value"] == pytest.approx(TRUE[RESISTANCE], rel=0.01)
+
+
+def test_a_number_that_is_not_told_stays_as_it_is() -> None:
+    """Of resistance, mass and 1 - t only ratios act; the one named last is left."""
+    keys = (RESISTANCE, "hull.mass_kg", "hull.thrust_deduction")
+    found = calibrated(quick_frigate(), [healthy()], keys)
+    assert found.calibrated == (RESISTANCE, "hull.mass_kg")
+    assert found.ship.hull.thrust_deduction == 0.07
+    # whoever calibrates does not trust the file: it may be off by as much as a number that is told
+    assert found.ship.tolerances.numbers["hull.thrust_deduction"] == pytest.approx(0.1 * 0.07)
+    (said,) = (r for r in found.remarks if "stays as it is" in r)
+    assert "calibration: hull.thrust_deduction stays as it is" in said
+    assert "only its combination with hull.mass_kg" in said
+
+
+def test_a_number_that_moves_nothing_stays_as_it_is() -> None:
+    fuel = "prime_mover.fuel_base_g_kWh"
+    found = calibrated(quick_frigate(), [healthy()], (fuel,))
+    assert found.ship == quick_frigate()
+    assert set(found.left) == {fuel}
+    assert "tells no number" in found.remarks[0]
+
+
+def test_one_recording_is_not_both(tmp_path: object) -> None:
+    options = Options(calibrate=("trial.csv",))
+    with pytest.raises(FileNotFoundError, match=r"trial\.csv: no such recording to calibrate on"):
+        diagnose(quick_frigate(), "trial.csv", options=options)
